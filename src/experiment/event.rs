@@ -1,0 +1,200 @@
+//! What happens during a night, told to everyone who listens.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+
+use super::plan::Plan;
+use crate::film::{Film, Image, SharedImage};
+use crate::render::OpenStats;
+
+/// A cell of the plan, or one of its references.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum CellRef {
+    /// Index into [`Plan::cells`].
+    Cell(usize),
+    /// Index into [`Plan::references`].
+    Reference(usize),
+}
+
+/// One measurement: the state of a run at the end of a wave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WaveRow {
+    /// Number of the wave, from 1.
+    pub wave: u64,
+    /// Samples per pixel so far.
+    pub samples: u64,
+    /// Seconds inside the renderer so far.
+    pub render_s: f64,
+    /// Seconds since the cell started, everything included.
+    pub wall_s: f64,
+    /// Camera paths so far.
+    pub paths: u64,
+    /// Rays so far.
+    pub rays: u64,
+    /// Invalid samples so far.
+    pub invalid: u64,
+    /// Column, row and sample of the first invalid sample.
+    pub first_invalid: Option<[u64; 3]>,
+    /// Metrics in the order of the plan's columns; empty for references, and without a reference.
+    pub metrics: Vec<f64>,
+}
+
+impl WaveRow {
+    /// Million camera paths per second of render time; zero before the first wave.
+    pub fn mpaths_per_s(&self) -> f64 {
+        if self.render_s > 0.0 { self.paths as f64 / self.render_s / 1e6 } else { 0.0 }
+    }
+}
+
+/// How a cell ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// Finished by its stop rule; the text says which part of it.
+    Done(String),
+    /// It was there already, in this folder.
+    Cached(std::path::PathBuf),
+    /// It failed; the night goes on.
+    Failed(String),
+    /// The user or a signal ended the night first.
+    Interrupted,
+}
+
+/// Importance of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// A few lines per cell.
+    Info,
+    /// Something was done otherwise than asked.
+    Warn,
+    /// A result was lost.
+    Error,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// The night begins.
+    NightStarted {
+        /// The whole plan.
+        plan: Arc<Plan>,
+    },
+    /// A cell's renderer is open; the first wave follows.
+    CellStarted {
+        /// Which.
+        cell: CellRef,
+        /// What opening cost.
+        open: OpenStats,
+        /// The image it will be measured against.
+        reference: Option<SharedImage>,
+    },
+    /// A wave ended and was measured.
+    Wave {
+        /// Which.
+        cell: CellRef,
+        /// The measurement.
+        row: WaveRow,
+        /// Seconds spent measuring it, outside the clock.
+        measure_s: f64,
+        /// The picture so far.
+        image: SharedImage,
+        /// Whether the samples per pixel have just reached a power of two.
+        pow2: bool,
+    },
+    /// A cell ended. Recorders write its results when they hear this, before the night goes on.
+    CellFinished {
+        /// Which.
+        cell: CellRef,
+        /// How.
+        outcome: Outcome,
+        /// The sums, unless it was cached or failed before its first wave.
+        film: Option<Arc<Film>>,
+        /// Its measurements, oldest first.
+        rows: Arc<Vec<WaveRow>>,
+    },
+    /// A line for people.
+    Message {
+        /// Importance.
+        level: Level,
+        /// The cell it is about, if any.
+        cell: Option<CellRef>,
+        /// The line.
+        text: String,
+    },
+    /// The night is over.
+    NightFinished,
+}
+
+/// Why a listener could not do its part.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct SinkError(pub String);
+
+/// Someone who listens. Sinks are called in line on the control thread, between waves.
+pub trait Sink {
+    /// Hears an event.
+    ///
+    /// # Errors
+    /// When a result could not be recorded; the cell then counts as failed.
+    fn hear(&mut self, event: &Event) -> Result<(), SinkError>;
+}
+
+/// Finds what earlier nights left.
+pub trait History {
+    /// The folder and final measurements of a finished run with this identity.
+    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
+
+    /// The image of a finished reference, or of an image file that a script named.
+    ///
+    /// # Errors
+    /// When it is there but cannot be read.
+    fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError>;
+}
+
+/// A run that an earlier night finished.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FinishedRun {
+    /// Its folder.
+    pub folder: std::path::PathBuf,
+    /// Its measurements, oldest first.
+    pub rows: Vec<WaveRow>,
+}
+
+/// What the user and signals want, shared between threads.
+#[derive(Debug, Default)]
+pub struct Control {
+    stop: AtomicU8,
+    paused: AtomicBool,
+    skip: AtomicBool,
+}
+
+impl Control {
+    /// Asks the night to end after this wave. Asked twice, callers may leave at once.
+    pub fn request_stop(&self) -> u8 {
+        self.stop.fetch_add(1, Ordering::SeqCst).saturating_add(1)
+    }
+
+    /// Whether the night should end.
+    pub fn stop_requested(&self) -> bool {
+        self.stop.load(Ordering::SeqCst) > 0
+    }
+
+    /// Switches pause on or off and says which.
+    pub fn toggle_pause(&self) -> bool {
+        !self.paused.fetch_xor(true, Ordering::SeqCst)
+    }
+
+    /// Whether rendering should wait.
+    pub fn paused(&self) -> bool {
+        self.paused.load(Ordering::SeqCst)
+    }
+
+    /// Asks the current cell to be given up.
+    pub fn request_skip(&self) {
+        self.skip.store(true, Ordering::SeqCst);
+    }
+
+    /// Takes the request to give up the current cell.
+    pub fn take_skip(&self) -> bool {
+        self.skip.swap(false, Ordering::SeqCst)
+    }
+}

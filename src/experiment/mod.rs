@@ -1,0 +1,16 @@
+//! The experiment: what a script asks for, the plan it expands to, and the state machine that carries it out.
+//!
+//! Everything here is plain data or a trait: nothing knows Lua, files, or the terminal. [`Sink`]s listen to
+//! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
+
+pub mod event;
+pub mod plan;
+pub mod run;
+pub mod spec;
+pub mod stop;
+
+pub use event::{CellRef, Control, Event, Outcome, Sink, SinkError, WaveRow};
+pub use plan::{Cell, Plan, RunId};
+pub use run::{CellResult, NightSummary};
+pub use spec::{CellConfig, Point, ScriptHooks, Spec};
+pub use stop::StopRule;

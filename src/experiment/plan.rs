@@ -1,0 +1,109 @@
+//! The plan: cells in a defined order, each with an identity that says when it has to run again.
+
+use std::sync::Arc;
+
+use super::spec::{CellConfig, FigureSpec, Measure, Point, TableSpec};
+use super::stop::StopRule;
+use crate::scene::{Note, SceneDesc};
+
+/// The identity of a run: blake3 of everything that decides its picture and its measurements, as 32 hex digits.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct RunId(pub String);
+
+impl std::fmt::Display for RunId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// A cell: one point of the sweep, once.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Its identity.
+    pub id: RunId,
+    /// Axis values in the order of the axes.
+    pub point: Point,
+    /// Number of the repeat, from 0.
+    pub repeat: u32,
+    /// Seed of all its random numbers.
+    pub seed: u64,
+    /// What it renders.
+    pub config: Arc<CellConfig>,
+    /// The scene, with the cell's changes made.
+    pub scene: Arc<SceneDesc>,
+    /// When it is finished.
+    pub stop: StopRule,
+    /// Index into [`Plan::references`].
+    pub reference: Option<usize>,
+    /// Readable relative path: `scene=cornell/depth=5/rep=0`.
+    pub path: String,
+    /// The canonical form whose hash is `id`, for people and for `config.json`.
+    pub identity: crate::value::Value,
+}
+
+/// A reference that cells are measured against.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// Its identity.
+    pub id: RunId,
+    /// Where it comes from.
+    pub source: ReferenceSource,
+    /// The canonical form whose hash is `id`.
+    pub identity: crate::value::Value,
+}
+
+/// Where a reference comes from.
+#[derive(Clone, Debug)]
+pub enum ReferenceSource {
+    /// Lumbre renders it.
+    Render {
+        /// What it renders.
+        config: Arc<CellConfig>,
+        /// The scene, with the changes made.
+        scene: Arc<SceneDesc>,
+        /// Seed; never one of a cell's.
+        seed: u64,
+        /// When it is good enough.
+        stop: StopRule,
+    },
+    /// A file.
+    File(std::path::PathBuf),
+}
+
+/// A point that a skip rule left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Skipped {
+    /// The point.
+    pub point: Point,
+    /// The rule's reason.
+    pub reason: String,
+}
+
+/// A whole night.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The experiment's name.
+    pub name: String,
+    /// Hash of all identities, figures and tables, hex; the folder's name carries its first digits.
+    pub hash: String,
+    /// Seed of the experiment.
+    pub seed: u64,
+    /// Axis names in order.
+    pub axes: Vec<String>,
+    /// The cells in the order in which they run.
+    pub cells: Vec<Cell>,
+    /// The references that the cells need, each once.
+    pub references: Vec<Reference>,
+    /// Points left out.
+    pub skipped: Vec<Skipped>,
+    /// What scene files say that could not be honoured, each once.
+    pub notes: Vec<Note>,
+    /// What is measured and kept.
+    pub measure: Measure,
+    /// Figures to draw.
+    pub figures: Vec<FigureSpec>,
+    /// Tables to write.
+    pub tables: Vec<TableSpec>,
+    /// The script's text.
+    pub script_text: String,
+}

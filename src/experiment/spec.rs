@@ -1,0 +1,216 @@
+//! What a script says, as typed plain data, and the hooks through which its functions are called.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::event::WaveRow;
+use super::stop::StopRule;
+use crate::metrics::MetricSpec;
+use crate::transport::camera::FilterSpec;
+use crate::value::Value;
+
+/// A point of the sweep: axis names and values in the order in which the axes were declared.
+pub type Point = Vec<(String, Value)>;
+
+/// One script's experiment.
+#[derive(Clone, Debug)]
+pub struct Spec {
+    /// Its name: letters, digits, `_` and `-`.
+    pub name: String,
+    /// Seed from which every run's seed follows.
+    pub seed: u64,
+    /// How often every point is rendered, each time with another seed.
+    pub repeats: u32,
+    /// The script's file.
+    pub script_file: PathBuf,
+    /// The script's text, kept in the run folder.
+    pub script_text: String,
+    /// blake3 of the script and everything it required: the identity of its predicates.
+    pub script_hash: [u8; 32],
+    /// The axes, slowest first.
+    pub axes: Vec<Axis>,
+    /// Reasons of the skip rules, in order; the rule's number is its place here.
+    pub skips: Vec<String>,
+    /// What is measured and kept.
+    pub measure: Measure,
+    /// Convergence figures.
+    pub figures: Vec<FigureSpec>,
+    /// Tables.
+    pub tables: Vec<TableSpec>,
+}
+
+/// One axis, or several that move together (`zip`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Its names: one, or one for each zipped axis.
+    pub names: Vec<String>,
+    /// Its steps: each holds one value for each name.
+    pub steps: Vec<Vec<Value>>,
+}
+
+/// What is measured during a run and what is kept of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measure {
+    /// Longest render time between two measurements in seconds.
+    pub every_s: f64,
+    /// The metrics, in the order of their columns.
+    pub metrics: Vec<MetricSpec>,
+    /// Which snapshots are kept as EXR and PNG besides the final picture.
+    pub snapshots: Snapshots,
+    /// The tone map of PNG files and of the live picture.
+    pub display: crate::metrics::tonemap::Tonemap,
+}
+
+/// Which snapshots are kept besides the final picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Snapshots {
+    /// None.
+    Last,
+    /// After every power of two of samples per pixel.
+    Pow2,
+}
+
+/// The horizontal axis of a convergence figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FigureX {
+    /// Seconds inside the renderer.
+    RenderS,
+    /// Samples per pixel.
+    Samples,
+}
+
+/// A convergence figure: one picture for each combination of `facet` values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FigureSpec {
+    /// Its name, which is its file's.
+    pub name: String,
+    /// Horizontal axis.
+    pub x: FigureX,
+    /// Metric columns, one panel each.
+    pub y: Vec<String>,
+    /// The axis that distinguishes curves; `None` is one curve for every cell of the facet.
+    pub by: Option<String>,
+    /// The axes that distinguish pictures.
+    pub facet: Vec<String>,
+}
+
+/// What a table shows of each cell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TableValue {
+    /// The final value of a metric column.
+    Metric(String),
+    /// Samples per pixel at the end.
+    Samples,
+    /// Render time at the end, seconds.
+    RenderS,
+    /// Million camera paths per second of render time.
+    MpathsPerS,
+    /// Render seconds until a metric column first reached a threshold.
+    TimeTo {
+        /// The column.
+        column: String,
+        /// The threshold.
+        threshold: f64,
+    },
+}
+
+/// File formats of tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableFormat {
+    /// Markdown.
+    Md,
+    /// Comma-separated values.
+    Csv,
+}
+
+/// A table over two axes; other axes and repeats are averaged, and the count is stated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TableSpec {
+    /// Its name, which is its file's.
+    pub name: String,
+    /// What it shows.
+    pub value: TableValue,
+    /// Axes whose values make the rows.
+    pub rows: Vec<String>,
+    /// Axes whose values make the columns; empty is a single column.
+    pub cols: Vec<String>,
+    /// The files to write.
+    pub formats: Vec<TableFormat>,
+}
+
+/// What one cell renders: the script's `render` table, typed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellConfig {
+    /// The scene as the script wrote it.
+    pub scene: String,
+    /// The scene's file, found.
+    pub scene_file: PathBuf,
+    /// Name of a row of [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS).
+    pub integrator: String,
+    /// Parameters of the integrator, checked against its row.
+    pub params: BTreeMap<String, Value>,
+    /// Greatest number of path edges; `None` is the scene's own.
+    pub max_depth: Option<u32>,
+    /// Width and height in pixels; `None` is the scene's own.
+    pub resolution: Option<[u32; 2]>,
+    /// Russian roulette from this edge on; `None` is never.
+    pub rr_start: Option<u32>,
+    /// Pixel filter.
+    pub filter: FilterSpec,
+    /// Changes to the scene by path, `camera` ones included.
+    pub set: BTreeMap<String, Value>,
+    /// Name of a backend, or `auto`.
+    pub backend: String,
+}
+
+/// What a cell is measured against.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReferenceRequest {
+    /// A picture that Lumbre renders first and keeps.
+    Render {
+        /// What to render.
+        config: Box<CellConfig>,
+        /// When it is good enough.
+        stop: StopRule,
+    },
+    /// An EXR file made elsewhere.
+    File(PathBuf),
+}
+
+/// An error from the script's side, already fit for people.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct HookError(pub Box<dyn std::error::Error + Send + Sync>);
+
+/// The script's functions, as seen from a room that knows no Lua.
+pub trait ScriptHooks {
+    /// Whether skip rule `rule` (an index of [`Spec::skips`]) leaves this point out.
+    ///
+    /// # Errors
+    /// When the script's function fails or returns something other than true, false or nil.
+    fn skip(&self, rule: usize, point: &Point) -> Result<bool, HookError>;
+
+    /// What to render at this point.
+    ///
+    /// # Errors
+    /// When the script's function fails or its table is wrong.
+    fn render(&self, point: &Point) -> Result<CellConfig, HookError>;
+
+    /// What to measure this point against, if the script said so.
+    ///
+    /// # Errors
+    /// When the script's function fails or its table is wrong.
+    fn reference(&self, point: &Point) -> Result<Option<ReferenceRequest>, HookError>;
+
+    /// When this point's cell is finished.
+    ///
+    /// # Errors
+    /// When the script's function fails or its rule is wrong.
+    fn stop(&self, point: &Point) -> Result<StopRule, HookError>;
+
+    /// Whether predicate `id` (see [`StopRule::Predicate`]) says stop, given the columns of `rows` (oldest first).
+    ///
+    /// # Errors
+    /// When the script's function fails or returns something other than true, false or nil.
+    fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, HookError>;
+}

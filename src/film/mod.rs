@@ -1,0 +1,125 @@
+//! Pixels: finished images, and the sums a run accumulates.
+//!
+//! Every buffer here is `[y][x][rgb]`, origin top-left, linear sRGB, radiance in scene units.
+
+use std::sync::Arc;
+
+/// An image of `f32` colour triples, `[y][x][rgb]`, origin top-left, linear sRGB.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` pixels in row order.
+    pub data: Vec<[f32; 3]>,
+}
+
+impl Image {
+    /// A black image.
+    pub fn new(width: u32, height: u32) -> Image {
+        Image { width, height, data: vec![[0.0; 3]; width as usize * height as usize] }
+    }
+
+    /// An image whose pixel at column `x`, row `y` is `f(x, y)`.
+    pub fn from_fn(width: u32, height: u32, mut f: impl FnMut(u32, u32) -> [f32; 3]) -> Image {
+        let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();
+        Image { width, height, data }
+    }
+
+    /// The pixel at column `x`, row `y`.
+    pub fn at(&self, x: u32, y: u32) -> [f32; 3] {
+        self.data[y as usize * self.width as usize + x as usize]
+    }
+
+    /// The mean of every channel over all pixels, summed in `f64`.
+    pub fn mean(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for p in &self.data {
+            for c in 0..3 {
+                sum[c] += f64::from(p[c]);
+            }
+        }
+        sum.map(|s| s / self.data.len().max(1) as f64)
+    }
+}
+
+/// What a run accumulates: per pixel and channel the sum and the sum of squares of its samples, in `f64`.
+///
+/// Samples are added one by one in the order of their sample index, so the sums do not depend on how samples were
+/// grouped into waves, on tiles, or on threads; and `f64` keeps counting where an `f32` running mean would stall.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Samples every pixel has received.
+    pub samples: u64,
+    /// Sums, `[y][x][rgb]`.
+    pub sum: Vec<[f64; 3]>,
+    /// Sums of squares, `[y][x][rgb]`.
+    pub sum2: Vec<[f64; 3]>,
+}
+
+impl Film {
+    /// A film without samples.
+    pub fn new(width: u32, height: u32) -> Film {
+        let n = width as usize * height as usize;
+        Film { width, height, samples: 0, sum: vec![[0.0; 3]; n], sum2: vec![[0.0; 3]; n] }
+    }
+
+    /// The estimate: mean over samples. Black while there are none.
+    pub fn mean(&self) -> Image {
+        let scale = if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 };
+        Image {
+            width: self.width,
+            height: self.height,
+            data: self.sum.iter().map(|s| s.map(|x| (x * scale) as f32)).collect(),
+        }
+    }
+
+    /// The estimated variance of each pixel's mean: sample variance over `samples`. Zero with fewer than two samples.
+    pub fn variance_of_mean(&self) -> Image {
+        let n = self.samples as f64;
+        let pixel = |(s, q): (&[f64; 3], &[f64; 3])| {
+            [0, 1, 2].map(|c| if n < 2.0 { 0.0 } else { ((q[c] - s[c] * s[c] / n) / (n - 1.0) / n).max(0.0) as f32 })
+        };
+        Image { width: self.width, height: self.height, data: self.sum.iter().zip(&self.sum2).map(pixel).collect() }
+    }
+}
+
+/// A shared, immutable image, cheap to hand to several listeners.
+pub type SharedImage = Arc<Image>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_to_the_26_samples_are_not_lost() {
+        let mut film = Film::new(1, 1);
+        for _ in 0..1u64 << 26 {
+            let x = f64::from(0.1f32);
+            film.sum[0][0] += x;
+            film.sum2[0][0] += x * x;
+        }
+        film.samples = 1 << 26;
+        let mean = film.mean().at(0, 0)[0];
+        assert!((mean / 0.1 - 1.0).abs() < 1e-6, "{mean}");
+        let running = (0..1u32 << 26).fold(0.0f32, |s, _| s + 0.1) / (1u32 << 26) as f32;
+        assert!((running / 0.1 - 1.0).abs() > 0.1, "an f32 sum would have done: {running}");
+    }
+
+    #[test]
+    fn variance_of_the_mean_matches_the_textbook() {
+        let mut film = Film::new(1, 1);
+        for x in [1.0f64, 2.0, 4.0, 7.0] {
+            film.sum[0] = film.sum[0].map(|s| s + x);
+            film.sum2[0] = film.sum2[0].map(|s| s + x * x);
+        }
+        film.samples = 4;
+        // mean 3.5, sample variance 7, variance of the mean 7/4
+        assert!((film.variance_of_mean().at(0, 0)[1] - 1.75).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,124 @@
+//! Backends: what runs an integrator over a compiled scene, a wave of samples at a time.
+//!
+//! This room knows no integrator by name: a [`Job`] carries a row of
+//! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
+
+pub mod cpu;
+pub mod mock;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::film::Film;
+use crate::scene::CompiledScene;
+use crate::transport::camera::FilterSpec;
+use crate::transport::integrator::IntegratorRow;
+use crate::value::Value;
+
+/// Everything besides the scene that decides a picture.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The technique.
+    pub integrator: &'static IntegratorRow,
+    /// Parameters of the technique, checked against its row's schema.
+    pub params: BTreeMap<String, Value>,
+    /// Width and height in pixels.
+    pub resolution: [u32; 2],
+    /// Greatest number of path edges: 1 = emission only, 2 = direct light.
+    pub max_depth: u32,
+    /// First path edge after which Russian roulette may end a path; `None` is never.
+    pub rr_start: Option<u32>,
+    /// Pixel filter.
+    pub filter: FilterSpec,
+    /// Seed of every random number of the run.
+    pub seed: u64,
+    /// Worker threads; 0 is one for each core. Never changes the picture.
+    pub threads: usize,
+}
+
+/// What one wave did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WaveStats {
+    /// Samples added to every pixel.
+    pub samples: u64,
+    /// Seconds inside `advance`, monotonic; the only time that counts.
+    pub render_s: f64,
+    /// Camera paths traced.
+    pub paths: u64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Samples whose value was NaN or infinite; they count as black and are never silently dropped.
+    pub invalid: u64,
+    /// Column, row and sample index of the first such sample.
+    pub first_invalid: Option<[u64; 3]>,
+}
+
+/// What a renderer did before its first wave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OpenStats {
+    /// Seconds spent building acceleration structures.
+    pub accel_build_s: f64,
+    /// Their number of nodes.
+    pub accel_nodes: u64,
+    /// A line for people: device, builder, threads.
+    pub device: String,
+}
+
+/// Why a backend cannot render.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// The backend lacks something the job needs.
+    #[error("backend `{backend}` cannot do this: {reason}")]
+    Unsupported {
+        /// The backend.
+        backend: &'static str,
+        /// What is missing.
+        reason: String,
+    },
+    /// Something went wrong while rendering; the cell is lost, the night is not.
+    #[error("backend `{backend}` failed: {reason}")]
+    Failed {
+        /// The backend.
+        backend: &'static str,
+        /// What happened.
+        reason: String,
+    },
+}
+
+/// A run in progress.
+pub trait Renderer: Send {
+    /// Adds `samples` samples to every pixel.
+    ///
+    /// # Errors
+    /// When the backend fails; the film is then as it was after the last wave that succeeded.
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError>;
+
+    /// The sums so far.
+    fn film(&self) -> &Film;
+
+    /// What opening cost.
+    fn open_stats(&self) -> &OpenStats;
+}
+
+/// One row of [`BACKENDS`].
+pub struct BackendRow {
+    /// The name in scripts and on the command line.
+    pub name: &'static str,
+    /// One sentence for people.
+    pub doc: &'static str,
+    /// Whether this machine can use it, and on what; the text is the device or the reason why not.
+    pub probe: fn() -> Result<String, String>,
+    /// Starts a run.
+    pub open: fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>,
+}
+
+/// Every backend there is. `auto` in a script means the first row whose probe succeeds.
+pub const BACKENDS: &[BackendRow] = &[cpu::ROW, mock::ROW];
+
+/// The row that `name` means; `auto` is the first usable one.
+pub fn backend(name: &str) -> Option<&'static BackendRow> {
+    match name {
+        "auto" => BACKENDS.iter().find(|b| (b.probe)().is_ok()),
+        _ => BACKENDS.iter().find(|b| b.name == name),
+    }
+}

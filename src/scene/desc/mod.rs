@@ -1,0 +1,130 @@
+//! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
+
+pub mod material;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+
+/// A whole scene. Lengths are in scene units, colours linear sRGB, angles as their names say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneDesc {
+    /// Width and height of the picture in pixels that the file asks for.
+    pub resolution: [u32; 2],
+    /// Greatest number of path edges from camera to light that the file asks for: 1 = emission only.
+    pub max_depth: u32,
+    /// The camera.
+    pub camera: CameraDesc,
+    /// The materials; faces that name none, or an unknown one, take the first.
+    pub materials: Vec<MaterialDesc>,
+    /// Everything that has a shape.
+    pub entities: Vec<EntityDesc>,
+}
+
+/// A pinhole or thin-lens camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraDesc {
+    /// The centre of projection or of the lens.
+    pub position: Vec3,
+    /// A point on the optical axis.
+    pub target: Vec3,
+    /// The direction that is up in the picture.
+    pub up: Vec3,
+    /// Vertical field of view in degrees, between 0 and 180 exclusive.
+    pub fov_deg: f32,
+    /// Diameter of the lens in scene units; 0 is a pinhole.
+    pub aperture: f32,
+    /// Distance from the lens to the plane in focus along the axis; `None` is the distance to `target`.
+    pub focus_distance: Option<f32>,
+}
+
+/// One object: a shape with a place and a material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EntityDesc {
+    /// The name by which edits reach it, unique in the scene.
+    pub name: String,
+    /// Where it stands.
+    pub transform: Transform,
+    /// A material that replaces all the shape's own.
+    pub material: Option<String>,
+    /// What it is.
+    pub shape: ShapeDesc,
+}
+
+/// Translation, rotation and scale applied as T * S * Rx * Ry * Rz (the order of `.scn`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transform {
+    /// Translation in scene units.
+    pub translate: Vec3,
+    /// Rotation about x, y and z in radians.
+    pub rotate_rad: Vec3,
+    /// Scale along x, y and z, applied after the rotation.
+    pub scale: Vec3,
+}
+
+impl Default for Transform {
+    fn default() -> Transform {
+        Transform { translate: Vec3::ZERO, rotate_rad: Vec3::ZERO, scale: Vec3::ONE }
+    }
+}
+
+/// A shape.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ShapeDesc {
+    /// A triangle mesh, shared between the scenes of a sweep.
+    Mesh(Arc<MeshDesc>),
+    /// A sphere about the entity's translation; rotation and scale do not apply.
+    Sphere {
+        /// Radius in scene units, positive.
+        radius: f32,
+    },
+}
+
+/// An indexed triangle mesh. The geometric normal follows the order of the corners (counter-clockwise seen from the
+/// front); loaders reorder corners so that this is the side which the file's convention makes the front.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshDesc {
+    /// The file it came from.
+    pub file: PathBuf,
+    /// Vertex positions.
+    pub positions: Vec<Vec3>,
+    /// Unit vertex normals, one per position, or empty for flat shading.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one per position, or empty.
+    pub uvs: Vec<Vec2>,
+    /// Corners of every triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Names of the materials the mesh uses.
+    pub slots: Vec<String>,
+    /// Index into `slots` of every triangle.
+    pub triangle_slot: Vec<u32>,
+    /// blake3 of all the above but `file`, so that a sweep hashes a mesh once.
+    pub content_hash: [u8; 32],
+}
+
+/// A decoded image file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureDesc {
+    /// The file it came from.
+    pub file: PathBuf,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Texels as stored in the file.
+    pub texels: Texels,
+    /// blake3 of size and texels.
+    pub content_hash: [u8; 32],
+}
+
+/// Texels, `[y][x][rgba]`, origin top-left, as stored in the file (decoded to linear by role when compiled).
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texels {
+    /// Eight bits per channel.
+    Rgba8(Vec<[u8; 4]>),
+    /// Linear floats.
+    RgbaF32(Vec<[f32; 4]>),
+}

@@ -1,0 +1,1 @@
+//! Scene formats: one file and one row of `FORMATS` each.

@@ -1,0 +1,3 @@
+//! How light moves.
+pub mod camera;
+pub mod integrator;

@@ -1,0 +1,221 @@
+//! Plain data between Lua, JSON and Rust, the schemas that check it, and near-name suggestions.
+//!
+//! A [`Value`] is what a script's table, a `.scn` file or a command-line override becomes before it is typed.
+//! Numbers are normalised (an integral float is an integer), maps are ordered by key, so two ways of writing the
+//! same thing hash alike.
+
+pub mod schema;
+pub mod suggest;
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// A neutral, ordered, comparable value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// Absent.
+    Nil,
+    /// `true` or `false`.
+    Bool(bool),
+    /// An integer; also every float with an integral value below 2^53.
+    Int(i64),
+    /// Any other finite or infinite float.
+    Num(f64),
+    /// Text.
+    Str(String),
+    /// An ordered list.
+    List(Vec<Value>),
+    /// Named values, ordered by name.
+    Map(BTreeMap<String, Value>),
+}
+
+impl Value {
+    /// A number in its normal form: integral values below 2^53 become [`Value::Int`], `-0.0` becomes `0`.
+    pub fn number(x: f64) -> Value {
+        if x.fract() == 0.0 && x.abs() < 9_007_199_254_740_992.0 { Value::Int(x as i64) } else { Value::Num(x) }
+    }
+
+    /// The value as a float, if it is a number.
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Value::Int(i) => Some(*i as f64),
+            Value::Num(x) => Some(*x),
+            _ => None,
+        }
+    }
+
+    /// The value as an integer, if it is one.
+    pub fn as_i64(&self) -> Option<i64> {
+        match self {
+            Value::Int(i) => Some(*i),
+            _ => None,
+        }
+    }
+
+    /// The value as text, if it is text.
+    pub fn as_str(&self) -> Option<&str> {
+        match self {
+            Value::Str(s) => Some(s),
+            _ => None,
+        }
+    }
+
+    /// The value as a list, if it is one.
+    pub fn as_list(&self) -> Option<&[Value]> {
+        match self {
+            Value::List(l) => Some(l),
+            _ => None,
+        }
+    }
+
+    /// The value as a map, if it is one.
+    pub fn as_map(&self) -> Option<&BTreeMap<String, Value>> {
+        match self {
+            Value::Map(m) => Some(m),
+            _ => None,
+        }
+    }
+
+    /// What a person would call the kind of this value, for error messages.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Value::Nil => "nothing",
+            Value::Bool(_) => "a boolean",
+            Value::Int(_) => "an integer",
+            Value::Num(_) => "a number",
+            Value::Str(_) => "a string",
+            Value::List(_) => "a list",
+            Value::Map(_) => "a table",
+        }
+    }
+
+    /// The value as JSON with ordered keys. Non-finite numbers become the strings `inf`, `-inf` and `nan`.
+    pub fn to_json(&self) -> serde_json::Value {
+        use serde_json::Value as J;
+        match self {
+            Value::Nil => J::Null,
+            Value::Bool(b) => J::Bool(*b),
+            Value::Int(i) => J::from(*i),
+            Value::Num(x) => serde_json::Number::from_f64(*x).map_or_else(|| J::String(x.to_string()), J::Number),
+            Value::Str(s) => J::String(s.clone()),
+            Value::List(l) => J::Array(l.iter().map(Value::to_json).collect()),
+            Value::Map(m) => J::Object(m.iter().map(|(k, v)| (k.clone(), v.to_json())).collect()),
+        }
+    }
+
+    /// The value that a JSON document says, with numbers normalised.
+    pub fn from_json(json: &serde_json::Value) -> Value {
+        use serde_json::Value as J;
+        match json {
+            J::Null => Value::Nil,
+            J::Bool(b) => Value::Bool(*b),
+            J::Number(n) => n.as_i64().map_or_else(|| Value::number(n.as_f64().unwrap_or(f64::NAN)), Value::Int),
+            J::String(s) => Value::Str(s.clone()),
+            J::Array(a) => Value::List(a.iter().map(Value::from_json).collect()),
+            J::Object(o) => Value::Map(o.iter().map(|(k, v)| (k.clone(), Value::from_json(v))).collect()),
+        }
+    }
+
+    /// Feeds an unambiguous encoding of the value to a hasher: the identity of runs rests on it.
+    pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
+        match self {
+            Value::Nil => hash_tagged(hasher, b'0', &[]),
+            Value::Bool(b) => hash_tagged(hasher, b'b', &[u8::from(*b)]),
+            Value::Int(i) => hash_tagged(hasher, b'i', &i.to_le_bytes()),
+            Value::Num(x) => hash_tagged(hasher, b'n', &x.to_bits().to_le_bytes()),
+            Value::Str(s) => hash_tagged(hasher, b's', s.as_bytes()),
+            Value::List(l) => {
+                hash_tagged(hasher, b'l', &(l.len() as u64).to_le_bytes());
+                l.iter().for_each(|v| v.hash_into(hasher));
+            }
+            Value::Map(m) => {
+                hash_tagged(hasher, b'm', &(m.len() as u64).to_le_bytes());
+                for (k, v) in m {
+                    hash_tagged(hasher, b'k', k.as_bytes());
+                    v.hash_into(hasher);
+                }
+            }
+        }
+    }
+}
+
+fn hash_tagged(hasher: &mut blake3::Hasher, tag: u8, bytes: &[u8]) {
+    hasher.update(&[tag]);
+    hasher.update(&(bytes.len() as u64).to_le_bytes());
+    hasher.update(bytes);
+}
+
+impl fmt::Display for Value {
+    /// The short form used in tables, figure legends and readable paths: `0.5`, `bpt`, `[1, 2]`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Nil => write!(f, "nil"),
+            Value::Bool(b) => write!(f, "{b}"),
+            Value::Int(i) => write!(f, "{i}"),
+            Value::Num(x) => write!(f, "{x}"),
+            Value::Str(s) => write!(f, "{s}"),
+            Value::List(l) => {
+                write!(f, "[")?;
+                for (i, v) in l.iter().enumerate() {
+                    write!(f, "{}{v}", if i > 0 { ", " } else { "" })?;
+                }
+                write!(f, "]")
+            }
+            Value::Map(m) => {
+                write!(f, "{{")?;
+                for (i, (k, v)) in m.iter().enumerate() {
+                    write!(f, "{}{k} = {v}", if i > 0 { ", " } else { "" })?;
+                }
+                write!(f, "}}")
+            }
+        }
+    }
+}
+
+impl From<&str> for Value {
+    fn from(s: &str) -> Value {
+        Value::Str(s.to_owned())
+    }
+}
+
+impl From<f64> for Value {
+    fn from(x: f64) -> Value {
+        Value::number(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn digest(v: &Value) -> blake3::Hash {
+        let mut h = blake3::Hasher::new();
+        v.hash_into(&mut h);
+        h.finalize()
+    }
+
+    #[test]
+    fn integral_floats_and_integers_are_the_same_number() {
+        assert_eq!(Value::number(3.0), Value::Int(3));
+        assert_eq!(Value::number(-0.0), Value::Int(0));
+        assert_eq!(digest(&Value::number(2.0)), digest(&Value::Int(2)));
+        assert_ne!(digest(&Value::number(2.5)), digest(&Value::Int(2)));
+    }
+
+    #[test]
+    fn nesting_and_text_boundaries_change_the_hash() {
+        let a = Value::List(vec!["ab".into(), "c".into()]);
+        let b = Value::List(vec!["a".into(), "bc".into()]);
+        let c = Value::List(vec![Value::List(vec!["ab".into()]), "c".into()]);
+        assert_ne!(digest(&a), digest(&b));
+        assert_ne!(digest(&a), digest(&c));
+    }
+
+    #[test]
+    fn json_round_trip_keeps_numbers_exactly() {
+        let v = Value::List(vec![Value::Num(0.1), Value::Int(7), Value::Num(1e300)]);
+        let text = v.to_json().to_string();
+        let back: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(Value::from_json(&back), v);
+    }
+}

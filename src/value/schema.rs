@@ -1,0 +1,304 @@
+//! Tables that say what a table may hold: one source for checking, for editor annotations and for documentation.
+
+use std::collections::BTreeMap;
+
+use super::{Value, suggest};
+
+/// The type of a field, with its range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ty {
+    /// `true` or `false`.
+    Bool,
+    /// An integer in `min..=max`.
+    Int {
+        /// Smallest allowed value.
+        min: i64,
+        /// Largest allowed value.
+        max: i64,
+    },
+    /// A finite number in `min..=max`.
+    Num {
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+    },
+    /// Any text.
+    Str,
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// A duration: a number of seconds, or text such as `"500ms"`, `"30s"`, `"5min"`, `"8h"`.
+    Duration,
+    /// Exactly `len` finite numbers in `min..=max`.
+    Nums {
+        /// How many.
+        len: usize,
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+    },
+    /// A list whose items have the given type.
+    List(&'static Ty),
+    /// One item of the given type, or a list of them.
+    OneOrMany(&'static Ty),
+    /// A nested table with its own schema.
+    Table(&'static Table),
+    /// A function or another script object whose meaning the script room checks itself; the text is its LuaLS type.
+    Object(&'static str),
+    /// Anything; the text is its LuaLS type.
+    Any(&'static str),
+}
+
+/// One field of a table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Field {
+    /// The key as written.
+    pub key: &'static str,
+    /// Its type and range.
+    pub ty: Ty,
+    /// Whether leaving it out is an error.
+    pub required: bool,
+    /// The default in words, empty if there is none.
+    pub default: &'static str,
+    /// One sentence for people: meaning, unit, source.
+    pub doc: &'static str,
+}
+
+/// A table of fields with a name and a sentence about it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Table {
+    /// The class name in the editor annotations.
+    pub name: &'static str,
+    /// One sentence for people.
+    pub doc: &'static str,
+    /// The fields, in the order of the documentation.
+    pub fields: &'static [Field],
+}
+
+/// What is wrong with a value, and where in it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{path}: {problem}{}", help.as_ref().map(|h| format!(" ({h})")).unwrap_or_default())]
+pub struct SchemaError {
+    /// The path to the field, such as `render.aa.radius`.
+    pub path: String,
+    /// What was found and what was expected.
+    pub problem: String,
+    /// A near name or the list of what is known.
+    pub help: Option<String>,
+    /// The last key of the path as written, for finding its line in a script.
+    pub key: String,
+}
+
+impl Table {
+    /// Checks a map against this table, recursively; the first problem in key order is returned.
+    ///
+    /// # Errors
+    /// An unknown key, a missing required key, a wrong type or a value out of range.
+    pub fn check(&self, path: &str, map: &BTreeMap<String, Value>) -> Result<(), SchemaError> {
+        for (key, value) in map {
+            let at = join(path, key);
+            let Some(field) = self.fields.iter().find(|f| f.key == key) else {
+                return Err(unknown_key(&at, key, self.fields.iter().map(|f| f.key)));
+            };
+            field.ty.check(&at, key, value)?;
+        }
+        match self.fields.iter().find(|f| f.required && !map.contains_key(f.key)) {
+            Some(f) => Err(SchemaError {
+                path: path.to_owned(),
+                problem: format!("`{}` is missing: {}", f.key, f.doc),
+                help: None,
+                key: String::new(),
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The error for a key that nobody knows, with the nearest name or the list of known ones.
+pub fn unknown_key<'a>(path: &str, key: &str, known: impl IntoIterator<Item = &'a str>) -> SchemaError {
+    unknown_name(path, key, "key", known)
+}
+
+/// The error for a name (of a metric, an integrator, a material) that nobody knows.
+pub fn unknown_name<'a>(path: &str, name: &str, what: &str, known: impl IntoIterator<Item = &'a str>) -> SchemaError {
+    let known: Vec<&str> = known.into_iter().collect();
+    let help = match suggest::nearest(name, known.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("known: {}", known.join(", ")),
+    };
+    SchemaError {
+        path: path.to_owned(),
+        problem: format!("unknown {what} `{name}`"),
+        help: Some(help),
+        key: name.to_owned(),
+    }
+}
+
+fn join(path: &str, key: &str) -> String {
+    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+impl Ty {
+    /// Checks one value; `key` is the last name on the path, for finding its line.
+    ///
+    /// # Errors
+    /// A wrong type or a value out of range.
+    pub fn check(&self, path: &str, key: &str, value: &Value) -> Result<(), SchemaError> {
+        let fail =
+            |problem: String| Err(SchemaError { path: path.to_owned(), problem, help: None, key: key.to_owned() });
+        let wrong = || fail(format!("expected {}, found {} `{value}`", self.describe(), value.kind()));
+        match (self, value) {
+            (Ty::Any(_) | Ty::Object(_), _) | (Ty::Bool, Value::Bool(_)) | (Ty::Str, Value::Str(_)) => Ok(()),
+            (Ty::Int { min, max }, Value::Int(i)) => {
+                if (min..=max).contains(&i) {
+                    Ok(())
+                } else {
+                    fail(format!("{i} is out of range: expected {}", self.describe()))
+                }
+            }
+            (Ty::Num { min, max }, Value::Int(_) | Value::Num(_)) => {
+                let x = value.as_f64().unwrap_or(f64::NAN);
+                if x.is_finite() && (min..=max).contains(&&x) {
+                    Ok(())
+                } else {
+                    fail(format!("{x} is out of range: expected {}", self.describe()))
+                }
+            }
+            (Ty::Word(words), Value::Str(s)) => {
+                if words.contains(&s.as_str()) {
+                    return Ok(());
+                }
+                let mut e = unknown_name(path, s, "word", words.iter().copied());
+                e.help = Some(match suggest::nearest(s, words.iter().copied()) {
+                    Some(near) => format!("did you mean `{near}`? known: {}", words.join(", ")),
+                    None => format!("known: {}", words.join(", ")),
+                });
+                e.key = key.to_owned();
+                Err(e)
+            }
+            (Ty::Duration, Value::Int(_) | Value::Num(_) | Value::Str(_)) => match duration_s(value) {
+                Some(_) => Ok(()),
+                None => fail(format!("`{value}` is no duration: expected {}", self.describe())),
+            },
+            (Ty::Nums { len, min, max }, Value::List(items)) => {
+                if items.len() != *len {
+                    return fail(format!("expected {}, found {} items", self.describe(), items.len()));
+                }
+                let item = Ty::Num { min: *min, max: *max };
+                items.iter().enumerate().try_for_each(|(i, v)| item.check(&format!("{path}[{}]", i + 1), key, v))
+            }
+            (Ty::List(item) | Ty::OneOrMany(item), Value::List(items)) => {
+                items.iter().enumerate().try_for_each(|(i, v)| item.check(&format!("{path}[{}]", i + 1), key, v))
+            }
+            (Ty::OneOrMany(item), _) => item.check(path, key, value),
+            (Ty::Table(table), Value::Map(map)) => table.check(path, map),
+            // An empty Lua table is a list; it is also a table in which nothing was said.
+            (Ty::Table(table), Value::List(items)) if items.is_empty() => table.check(path, &BTreeMap::new()),
+            _ => wrong(),
+        }
+    }
+
+    /// What is expected, in words.
+    pub fn describe(&self) -> String {
+        match self {
+            Ty::Bool => "true or false".to_owned(),
+            Ty::Int { min, max } => format!("an integer{}", range(*min as f64, *max as f64, *max == i64::MAX)),
+            Ty::Num { min, max } => format!("a number{}", range(*min, *max, *max >= f64::MAX)),
+            Ty::Str => "a string".to_owned(),
+            Ty::Word(words) => format!("one of {}", words.join(", ")),
+            Ty::Duration => "a duration in seconds or as text such as \"500ms\", \"30s\", \"5min\", \"8h\"".to_owned(),
+            Ty::Nums { len, min, max } => {
+                format!("{len} numbers{}", range(*min, *max, *max >= f64::MAX))
+            }
+            Ty::List(item) => format!("a list, each item {}", item.describe()),
+            Ty::OneOrMany(item) => format!("{} or a list of such", item.describe()),
+            Ty::Table(t) => format!("a table ({})", t.name),
+            Ty::Object(name) | Ty::Any(name) => (*name).to_owned(),
+        }
+    }
+}
+
+fn range(min: f64, max: f64, open: bool) -> String {
+    match (min <= f64::MIN, open) {
+        (true, true) => String::new(),
+        (false, true) => format!(" of at least {min}"),
+        (true, false) => format!(" of at most {max}"),
+        (false, false) => format!(" between {min} and {max}"),
+    }
+}
+
+/// Seconds of a duration value: a non-negative number of seconds, or text with a unit of `ms`, `s`, `min` or `h`.
+pub fn duration_s(value: &Value) -> Option<f64> {
+    let seconds = match value {
+        Value::Str(text) => {
+            let text = text.trim();
+            let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+            let number: f64 = text[..digits].trim().parse().ok()?;
+            let unit = match &text[digits..] {
+                "ms" => 1e-3,
+                "s" | "" => 1.0,
+                "min" | "m" => 60.0,
+                "h" => 3600.0,
+                _ => return None,
+            };
+            number * unit
+        }
+        _ => value.as_f64()?,
+    };
+    (seconds.is_finite() && seconds >= 0.0).then_some(seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INNER: Table = Table {
+        name: "Inner",
+        doc: "",
+        fields: &[Field {
+            key: "radius",
+            ty: Ty::Num { min: 0.0, max: 4.0 },
+            required: false,
+            default: "0.5",
+            doc: "",
+        }],
+    };
+    const OUTER: Table = Table {
+        name: "Outer",
+        doc: "",
+        fields: &[
+            Field { key: "scene", ty: Ty::Str, required: true, default: "", doc: "the scene" },
+            Field { key: "aa", ty: Ty::Table(&INNER), required: false, default: "", doc: "" },
+            Field { key: "kind", ty: Ty::Word(&["box", "gauss"]), required: false, default: "", doc: "" },
+        ],
+    };
+
+    fn map(pairs: &[(&str, Value)]) -> BTreeMap<String, Value> {
+        pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect()
+    }
+
+    #[test]
+    fn errors_carry_path_and_nearest_name() {
+        let aa = Value::Map(map(&[("raduis", Value::Num(0.5))]));
+        let e = OUTER.check("render", &map(&[("scene", "a".into()), ("aa", aa)])).unwrap_err();
+        assert_eq!(e.path, "render.aa.raduis");
+        assert_eq!(e.help.as_deref(), Some("did you mean `radius`?"));
+        let aa = Value::Map(map(&[("radius", Value::Int(9))]));
+        let e = OUTER.check("render", &map(&[("scene", "a".into()), ("aa", aa)])).unwrap_err();
+        assert!(e.problem.contains("between 0 and 4"), "{e}");
+        let e = OUTER.check("render", &map(&[])).unwrap_err();
+        assert!(e.problem.contains("`scene` is missing"), "{e}");
+        let e = OUTER.check("render", &map(&[("scene", "a".into()), ("kind", "gaus".into())])).unwrap_err();
+        assert!(e.help.unwrap().contains("gauss"));
+    }
+
+    #[test]
+    fn durations_have_units() {
+        assert_eq!(duration_s(&"500ms".into()), Some(0.5));
+        assert_eq!(duration_s(&"5min".into()), Some(300.0));
+        assert_eq!(duration_s(&Value::Num(1.5)), Some(1.5));
+        assert_eq!(duration_s(&"8 parsecs".into()), None);
+        assert_eq!(duration_s(&Value::Int(-1)), None);
+    }
+}

@@ -1,0 +1,56 @@
+//! The nearest known name to a misspelt one.
+
+/// The name in `known` closest to `given` by edit distance with transpositions, if it is close enough to be meant.
+///
+/// "Close enough" is at most a third of the longer name's letters, and at least one edit is always allowed. Case and
+/// the difference between `_` and `-` cost nothing.
+pub fn nearest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let fold = |s: &str| -> Vec<char> { s.to_lowercase().replace('-', "_").chars().collect() };
+    let given_folded = fold(given);
+    known
+        .into_iter()
+        .map(|name| (distance(&given_folded, &fold(name)), name))
+        .filter(|(d, name)| *d <= (given_folded.len().max(name.chars().count()) / 3).max(1))
+        .min_by_key(|(d, _)| *d)
+        .map(|(_, name)| name)
+}
+
+/// Optimal string alignment distance: insert, delete, replace, or swap two neighbours, each at cost 1.
+fn distance(a: &[char], b: &[char]) -> usize {
+    let mut before_last: Vec<usize> = Vec::new();
+    let mut last: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut row = vec![i; b.len() + 1];
+        for j in 1..=b.len() {
+            let replace = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            row[j] = replace.min(last[j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                row[j] = row[j].min(before_last[j - 2] + 1);
+            }
+        }
+        before_last = std::mem::replace(&mut last, row);
+    }
+    last[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_what_was_meant_and_nothing_far_away() {
+        let known = ["integrator", "max_depth", "resolution", "aa"];
+        assert_eq!(nearest("max_dpeth", known), Some("max_depth"));
+        assert_eq!(nearest("maxdepth", known), Some("max_depth"));
+        assert_eq!(nearest("Resolution", known), Some("resolution"));
+        assert_eq!(nearest("zebra", known), None);
+    }
+
+    #[test]
+    fn a_swap_of_neighbours_is_one_edit() {
+        let chars = |s: &str| s.chars().collect::<Vec<_>>();
+        assert_eq!(distance(&chars("depth"), &chars("dpeth")), 1);
+        assert_eq!(distance(&chars(""), &chars("abc")), 3);
+        assert_eq!(distance(&chars("abc"), &chars("abc")), 0);
+    }
+}
