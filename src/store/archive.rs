@@ -37,6 +37,14 @@ impl Archive {
         Archive { own: Some(own.to_owned()), ..Archive::new(out, decode) }
     }
 
+    /// Remembers where a run is about to be written, so that its twin in the same plan finds it.
+    pub(super) fn expect(&self, name: &str, id: &str, folder: &Path) {
+        if self.indexed(name, id).is_none() {
+            let mut index = self.index.borrow_mut();
+            index.entry(name.to_owned()).or_default().insert(id.to_owned(), folder.to_owned());
+        }
+    }
+
     /// The folder of a finished run of any experiment with this name.
     fn indexed(&self, name: &str, id: &str) -> Option<PathBuf> {
         let mut index = self.index.borrow_mut();
@@ -54,10 +62,7 @@ impl History for Archive {
         match cell {
             CellRef::Cell(i) => {
                 let cell = plan.cells.get(i)?;
-                let columns: Vec<&str> = match cell.reference {
-                    Some(_) => plan.measure.metrics.iter().map(|m| m.column.as_str()).collect(),
-                    None => Vec::new(),
-                };
+                let columns = if cell.reference.is_some() { plan.columns() } else { Vec::new() };
                 let look = |folder: PathBuf| finished(&folder, &cell.id.0, "done.json", "final.exr", &columns);
                 let here = self.own.as_ref().and_then(|own| look(layout::run_folder(own, cell)));
                 here.or_else(|| look(self.indexed(&plan.name, &cell.id.0)?))
@@ -86,7 +91,7 @@ impl History for Archive {
 
 /// A finished run, if the folder holds one: its last file is there and says so, its picture is there, and its
 /// measurements can be read and have the columns that are asked for.
-fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[&str]) -> Option<FinishedRun> {
+fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[String]) -> Option<FinishedRun> {
     let done = read_json(&folder.join(marker))?;
     if done["run"].as_str() != Some(id) || !folder.join(picture).is_file() {
         return None;

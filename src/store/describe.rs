@@ -15,7 +15,7 @@ pub fn plan_json(plan: &Plan) -> Json {
         "hash": plan.hash,
         "seed": plan.seed,
         "axes": plan.axes,
-        "metrics": plan.measure.metrics.iter().map(|m| m.column.as_str()).collect::<Vec<_>>(),
+        "metrics": plan.columns(),
         "cells": plan.cells.iter().map(cell_line).collect::<Vec<_>>(),
         "references": plan.references.iter().map(|r| {
             let (kind, source) = match &r.source {
@@ -26,6 +26,7 @@ pub fn plan_json(plan: &Plan) -> Json {
         }).collect::<Vec<_>>(),
         "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason }))
             .collect::<Vec<_>>(),
+        "warnings": plan.warnings,
         "notes": plan.notes.iter().map(|n| json!({
             "file": n.file.display().to_string(), "place": n.place, "message": n.message,
         })).collect::<Vec<_>>(),

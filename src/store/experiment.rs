@@ -63,7 +63,11 @@ impl Store {
     pub fn start(&self, plan: &Plan, cell: CellRef) -> Result<RunWriter, StoreError> {
         let config = cell_json(plan, cell);
         match cell {
-            CellRef::Cell(i) => RunWriter::create(layout::run_folder(&self.folder, &plan.cells[i]), &config),
+            CellRef::Cell(i) => {
+                let folder = layout::run_folder(&self.folder, &plan.cells[i]);
+                self.archive.expect(&plan.name, &plan.cells[i].id.0, &folder);
+                RunWriter::create(folder, &config)
+            }
             CellRef::Reference(i) => {
                 let folder = layout::reference_folder(&self.out, &plan.references[i].id);
                 RunWriter::shared(folder, "ref.json", &config)

@@ -77,6 +77,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil }],
         skipped: vec![],
         notes: vec![],
+        warnings: vec![],
         measure: Measure {
             every_s: 1.0,
             metrics: vec![],
@@ -188,6 +189,16 @@ fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
     let listed = list(dir.path());
     let states: Vec<_> = listed.iter().flat_map(|e| &e.runs).map(|r| (r.run.as_str(), r.state.word())).collect();
     assert_eq!(states, [("aa11", "done"), ("cc33", "pending"), ("aa11", "elsewhere")]);
+}
+
+#[test]
+fn a_twin_in_the_same_plan_finds_the_run_that_was_just_finished() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    assert_eq!(store.done(&plan, CellRef::Cell(1)), None);
+    finish_run(&store, &plan, 0);
+    assert!(store.done(&plan, CellRef::Cell(1)).unwrap().folder.ends_with("depth=0/rep=0/aa11"));
 }
 
 #[test]
