@@ -142,7 +142,7 @@ pub struct Model {
     /// The state of every cell, in the order of the plan.
     pub cells: Vec<Entry>,
     /// The columns that tell cells apart.
-    pub columns: Vec<Column>,
+    pub columns: Arc<Vec<Column>>,
     /// The cell that renders or rendered last.
     pub current: Option<Current>,
     /// The last [`MESSAGES`] messages, oldest first.
@@ -166,7 +166,7 @@ impl Model {
                 *self = Model {
                     references: vec![Entry::default(); plan.references.len()],
                     cells: vec![Entry::default(); plan.cells.len()],
-                    columns: columns(plan),
+                    columns: Arc::new(columns(plan)),
                     plan: Some(plan.clone()),
                     started_s: Some(at_s),
                     messages: std::mem::take(&mut self.messages),
