@@ -174,7 +174,9 @@ pub(super) fn help<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> 
     match suggest::nearest(name, known.iter().copied()) {
         Some(near) => format!("did you mean `{near}`?"),
         None if known.is_empty() => "there are none".to_owned(),
-        None if known.len() > SHOWN => format!("known: {}, and {} more", known[..SHOWN].join(", "), known.len() - SHOWN),
+        None if known.len() > SHOWN => {
+            format!("known: {}, and {} more", known[..SHOWN].join(", "), known.len() - SHOWN)
+        }
         None => format!("known: {}", known.join(", ")),
     }
 }

@@ -1,7 +1,6 @@
 //! From a script's experiment to its plan.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use std::sync::Arc;
 
 use super::axes::{self, Overrides, describe};
@@ -10,7 +9,6 @@ use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity};
 use crate::experiment::spec::{CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
 use crate::experiment::stop::StopRule;
-use crate::scene::{Note, SceneDesc, SceneError};
 use crate::value::Value;
 
 /// Expands an experiment to its plan.
@@ -25,7 +23,7 @@ pub fn expand(
     spec: &Spec,
     hooks: &dyn ScriptHooks,
     overrides: &Overrides,
-    load_scene: &mut dyn FnMut(&Path) -> Result<(SceneDesc, Vec<Note>), SceneError>,
+    load_scene: &mut LoadScene<'_>,
 ) -> Result<Plan, PlanError> {
     let axes = axes::select(&spec.axes, overrides, spec.repeats)?;
     let mut builder = Builder::new(spec, hooks, overrides, load_scene);
@@ -42,7 +40,8 @@ struct Builder<'a> {
     backend: Option<&'a str>,
     resolver: Resolver<'a>,
     columns: Vec<String>,
-    measure: Value,
+    /// The canonical measurements, without and with a reference.
+    measure: [Value; 2],
     paths: Paths,
     cells: Vec<Cell>,
     references: Vec<Reference>,
@@ -53,18 +52,20 @@ struct Builder<'a> {
     unmeasured: usize,
 }
 
-/// The reference of a point: its place in the plan.
-type Referenced = Option<usize>;
-
 impl<'a> Builder<'a> {
-    fn new(spec: &'a Spec, hooks: &'a dyn ScriptHooks, overrides: &'a Overrides, load: LoadScene<'a>) -> Builder<'a> {
+    fn new(
+        spec: &'a Spec,
+        hooks: &'a dyn ScriptHooks,
+        overrides: &'a Overrides,
+        load: &'a mut LoadScene<'a>,
+    ) -> Builder<'a> {
         Builder {
             spec,
             hooks,
             backend: overrides.backend.as_deref(),
             resolver: Resolver::new(load),
             columns: spec.measure.metrics.iter().map(|metric| metric.column.clone()).collect(),
-            measure: identity::measure(&spec.measure),
+            measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
             paths: Paths::default(),
             cells: Vec::new(),
             references: Vec::new(),
@@ -114,7 +115,7 @@ impl<'a> Builder<'a> {
         self.resolver.renderable(config, point)
     }
 
-    fn reference(&mut self, cell: &Renderable, point: &Point) -> Result<Referenced, PlanError> {
+    fn reference(&mut self, cell: &Renderable, point: &Point) -> Result<Option<usize>, PlanError> {
         let request = self.hooks.reference(point).map_err(|e| hook("`reference`", point, e))?;
         let reference = match request {
             None => return Ok(None),
@@ -163,15 +164,16 @@ impl<'a> Builder<'a> {
         Ok(Reference { id: identity::run_id(&identity), source, identity })
     }
 
-    fn add_cells(&mut self, point: Point, renderable: Renderable, reference: Referenced, stop: StopRule) {
+    fn add_cells(&mut self, point: Point, renderable: Renderable, reference: Option<usize>, stop: StopRule) {
         let base = self.paths.of(&point);
         let separator = if base.is_empty() { "" } else { "/" };
         let end = identity::cell_stop(&stop, &self.spec.script_hash, &point);
+        let measure = &self.measure[usize::from(reference.is_some())];
         let truth = reference.map(|place| &self.references[place].id);
         for repeat in 0..self.spec.repeats {
             let seed = identity::cell_seed(self.spec.seed, repeat);
             let run = identity::run(renderable.picture.clone(), seed, end.clone());
-            let identity = identity::cell(run, self.measure.clone(), truth);
+            let identity = identity::cell(run, measure.clone(), truth);
             self.cells.push(Cell {
                 id: identity::run_id(&identity),
                 point: point.clone(),
@@ -247,7 +249,11 @@ impl<'a> Builder<'a> {
             _ => format!("axes {} change", names.join(", ")),
         };
         let cells: usize = groups.iter().map(|cells| cells.len()).sum();
-        Some(format!("{subject} nothing in {cells} of {} cells, which share {} run ids", self.cells.len(), groups.len()))
+        Some(format!(
+            "{subject} nothing in {cells} of {} cells, which share {} run ids",
+            self.cells.len(),
+            groups.len()
+        ))
     }
 }
 

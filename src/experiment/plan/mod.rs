@@ -18,6 +18,7 @@ pub use axes::{MAX_CELLS, Overrides};
 pub use error::PlanError;
 pub use estimate::Estimate;
 pub use expand::expand;
+pub use resolve::{LoadScene, LoadedScene};
 
 use super::event::CellRef;
 use super::spec::{CellConfig, FigureSpec, Measure, Point, TableSpec};

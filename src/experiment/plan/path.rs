@@ -76,11 +76,18 @@ mod tests {
     fn hostile_values_stay_inside_one_short_folder_and_apart() {
         let long = "x".repeat(500);
         let longer = "x".repeat(501);
-        let hostile: Vec<Value> = ["a/b", "a\\b", "a b", "a_b", "..", "../../etc", "a:b", "", "a.", &long, &longer, "é"]
-            .map(Value::from)
-            .into_iter()
-            .chain([Value::List(vec![Value::Int(1), Value::Int(2)]), Value::Int(5), "5".into(), "A".into(), "a".into()])
-            .collect();
+        let hostile: Vec<Value> =
+            ["a/b", "a\\b", "a b", "a_b", "..", "../../etc", "a:b", "", "a.", &long, &longer, "é"]
+                .map(Value::from)
+                .into_iter()
+                .chain([
+                    Value::List(vec![Value::Int(1), Value::Int(2)]),
+                    Value::Int(5),
+                    "5".into(),
+                    "A".into(),
+                    "a".into(),
+                ])
+                .collect();
         let paths = paths(&hostile);
         for path in &paths {
             let value = path.strip_prefix("scene=").unwrap();

@@ -16,8 +16,11 @@ use crate::value::Value;
 /// The most pixels a picture may have: their sums take 12 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
 
+/// What reading a scene file gives: the scene and what of the file could not be honoured.
+pub type LoadedScene = Result<(SceneDesc, Vec<Note>), SceneError>;
+
 /// Reads a scene file.
-pub(super) type LoadScene<'a> = &'a mut dyn FnMut(&Path) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+pub type LoadScene<'a> = dyn FnMut(&Path) -> LoadedScene + 'a;
 
 /// Something that can be rendered.
 #[derive(Clone)]
@@ -34,7 +37,7 @@ type Edited = (Arc<SceneDesc>, [u8; 32]);
 
 /// What was found so far, so that ten thousand cells cost one reading of each file and one probe of each backend.
 pub(super) struct Resolver<'a> {
-    load: LoadScene<'a>,
+    load: &'a mut LoadScene<'a>,
     files: BTreeMap<PathBuf, Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
@@ -44,7 +47,7 @@ pub(super) struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    pub(super) fn new(load: LoadScene<'a>) -> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>) -> Resolver<'a> {
         Resolver {
             load,
             files: BTreeMap::new(),

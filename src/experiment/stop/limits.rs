@@ -49,7 +49,8 @@ impl StopRule {
         if self.is_possible(measured) {
             return Ok(());
         }
-        let reason = if measured { "its parts exclude one another" } else { "there is no reference to measure against" };
+        let reason =
+            if measured { "its parts exclude one another" } else { "there is no reference to measure against" };
         Err(StopError::Never { rule: self.describe(), reason })
     }
 

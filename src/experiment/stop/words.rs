@@ -34,7 +34,8 @@ impl StopRule {
             StopRule::Samples(n) => ("samples", whole(*n)),
             StopRule::Waves(n) => ("waves", whole(*n)),
             StopRule::When { column, op, value, hold } => {
-                let parts = [column.as_str().into(), op.symbol().into(), Value::number(*value), whole(u64::from(*hold))];
+                let parts =
+                    [column.as_str().into(), op.symbol().into(), Value::number(*value), whole(u64::from(*hold))];
                 ("when", Value::List(parts.into()))
             }
             StopRule::Nan(n) => ("nan", whole(*n)),
