@@ -23,8 +23,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use args::{Cli, Verb};
-use exit::{Exit, Failure};
+use args::{BenchArgs, Cli, Global, Verb};
+use exit::{Exit, Failure, data, talk};
 
 /// Runs the command line of this process and says how it ended.
 pub fn main() -> ExitCode {
@@ -55,8 +55,25 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Show(args) => inspect::show(args, global),
         Verb::Schema(args) => schema::main(args),
         Verb::Doctor(args) => doctor::main(args, global),
-        Verb::Bench(args) => bench::main(args, global),
+        Verb::Bench(args) => measure(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
     }
+}
+
+/// `lumbre bench`: prints the figures and writes `bench.json` where results live.
+fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
+    let file = global.out.join("bench.json");
+    crate::store::probe(&global.out).map_err(Failure::usage)?;
+    let mut say = |line: &str| {
+        if !global.quiet {
+            talk(line);
+        }
+    };
+    let report = bench::measure(&args.scenes, global.threads, &mut say).map_err(Failure::usage)?;
+    let json = format!("{:#}\n", report.json());
+    crate::store::atomic(&file, json.as_bytes()).map_err(Failure::internal)?;
+    data(if args.json { &json } else { report.text() })?;
+    say(&format!("written to {}", load::shown(&file)));
+    Ok(Exit::Done)
 }

@@ -77,15 +77,16 @@ impl History for Archive {
 
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
-        let file = match &wanted.source {
-            ReferenceSource::File(file) => file.clone(),
+        let (file, advice) = match &wanted.source {
+            ReferenceSource::File(file) => (file.clone(), ""),
             ReferenceSource::Render { .. } => match self.done(plan, CellRef::Reference(reference)) {
-                Some(run) => run.folder.join("ref.exr"),
+                Some(run) => (run.folder.join("ref.exr"), " (delete its folder to have it rendered again)"),
                 None => return Ok(None),
             },
         };
-        let bytes = fs::read(&file).map_err(|e| SinkError(format!("cannot read {}: {e}", file.display())))?;
-        (self.decode)(&bytes).map(Some).map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+        let fail = |problem: String| SinkError(format!("{}: {problem}{advice}", file.display()));
+        let bytes = fs::read(&file).map_err(|e| fail(format!("cannot be read: {e}")))?;
+        (self.decode)(&bytes).map(Some).map_err(fail)
     }
 }
 

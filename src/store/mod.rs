@@ -34,7 +34,7 @@ pub use experiment::Store;
 pub use host::{Host, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
 pub use run::RunWriter;
-pub use write::probe;
+pub use write::{atomic, probe};
 
 /// Why the store cannot do what it was asked.
 #[derive(Debug, thiserror::Error)]

@@ -15,7 +15,7 @@ const TEMP_SUFFIX: &str = ".tmp";
 /// # Errors
 /// When the folder cannot be created or the file cannot be written; nothing is then left under the final name but
 /// what was there before.
-pub(super) fn atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+pub fn atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(|e| StoreError::io("create", folder, &e))?;
     let attempt = || -> std::io::Result<()> {
