@@ -13,13 +13,13 @@ use crate::film::Image;
 use crate::output::exr;
 use crate::scene;
 use crate::script::{self, Script, ScriptError};
-use crate::value::suggest;
+use crate::value::{Value, suggest};
 
 /// Reads a script and expands its plan. Nothing renders.
 pub fn plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
     let script = script::load(&args.script).map_err(Failure::diagnostic)?;
-    let pairs = |(axis, values): &(String, Vec<_>)| -> Vec<(String, _)> {
+    let pairs = |(axis, values): &(String, Vec<Value>)| -> Vec<(String, Value)> {
         values.iter().map(|value| (axis.clone(), value.clone())).collect()
     };
     let overrides = Overrides {

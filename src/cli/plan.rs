@@ -38,12 +38,7 @@ pub(super) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit,
     Ok(Exit::Done)
 }
 
-fn with_states(
-    plan: &Plan,
-    cells: &[Option<String>],
-    references: &[Option<String>],
-    estimate: &Estimate,
-) -> Json {
+fn with_states(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], estimate: &Estimate) -> Json {
     let mut json = plan_json(plan);
     for (key, found) in [("cells", cells), ("references", references)] {
         for (entry, folder) in json[key].as_array_mut().into_iter().flatten().zip(found) {

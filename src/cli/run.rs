@@ -114,8 +114,7 @@ fn render_night(
         .map_err(|e| Failure::internal(format!("cannot listen to signals: {e}")))?;
     let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone());
     let mut watcher = Watcher::new(&control, global, log);
-    let night =
-        run::run(plan, script, store, &mut [&mut recorder, watcher.sink()], &control, global.threads);
+    let night = run::run(plan, script, store, &mut [&mut recorder, watcher.sink()], &control, global.threads);
     let told = matches!(watcher, Watcher::Lines(_));
     // The terminal is given back before anything is said on it.
     drop(watcher);
@@ -126,7 +125,7 @@ fn render_night(
 /// Who shows the night.
 enum Watcher {
     Dashboard(tui::Dashboard),
-    Lines(tui::LineSink),
+    Lines(Box<tui::LineSink>),
 }
 
 impl Watcher {
@@ -148,13 +147,13 @@ impl Watcher {
         }
         let color = tui::colored(std::io::stderr().is_terminal(), &env);
         let options = tui::LineOptions { quiet: global.quiet, color };
-        Watcher::Lines(tui::LineSink::new(Box::new(std::io::stderr()), options))
+        Watcher::Lines(Box::new(tui::LineSink::new(Box::new(std::io::stderr()), options)))
     }
 
     fn sink(&mut self) -> &mut dyn Sink {
         match self {
             Watcher::Dashboard(dashboard) => dashboard,
-            Watcher::Lines(lines) => lines,
+            Watcher::Lines(lines) => lines.as_mut(),
         }
     }
 }
@@ -171,7 +170,11 @@ fn say_backends(plan: &Plan) {
     for name in names {
         let device = render::backend(name).map(|row| (row.probe)());
         let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
-        let why = if auto == Some(name.as_str()) { "; it is the first that works here, which is what auto means" } else { "" };
+        let why = if auto == Some(name.as_str()) {
+            "; it is the first that works here, which is what auto means"
+        } else {
+            ""
+        };
         talk(&format!("backend {name}: {device}{why}"));
     }
 }

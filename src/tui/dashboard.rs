@@ -74,8 +74,15 @@ impl Dashboard {
         let guard = Guard::take(enter, restore)?;
         let look = Look::from_env(&|name| std::env::var(name).ok());
         let terminal = Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(1 << 16, io::stdout())))?;
-        let screen =
-            Screen { terminal, guard, keys: Keys::new(), view: View::new(look), control, shared: shared.clone(), start };
+        let screen = Screen {
+            terminal,
+            guard,
+            keys: Keys::new(),
+            view: View::new(look),
+            control,
+            shared: shared.clone(),
+            start,
+        };
         let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(move || {
             // A terminal that can no longer be written to is gone: nothing is lost by not drawing.
             if let Ok(Exit::Leave) = screen.run() {

@@ -88,7 +88,11 @@ fn a_second_night_renders_nothing_and_says_so() {
     let figure = place.files("out").into_iter().find(|f| f.ends_with(".svg")).unwrap();
     std::fs::remove_file(place.path(&figure)).unwrap();
     let second = place.succeed(&["run", "night.lua"]);
-    assert!(second.stderr.contains("nothing to do: all 4 cells and 2 references were done in out/night-"), "{}", second.stderr);
+    assert!(
+        second.stderr.contains("nothing to do: all 4 cells and 2 references were done in out/night-"),
+        "{}",
+        second.stderr
+    );
     assert_eq!(place.finished(), before);
     assert_eq!(second.stdout, first.stdout);
     assert!(place.path(&figure).is_file(), "figures are made again from what is there");

@@ -31,10 +31,9 @@ fn a_plan_tells_new_from_cached_and_writes_nothing() {
 #[test]
 fn skipped_points_are_listed_with_their_reason() {
     let place = Workplace::new();
-    let script = place.read("night.lua").replace(
-        "x:render",
-        "x:skip(\"too shallow\", function(p) return p.depth < 4 end)\nx:render",
-    );
+    let script = place
+        .read("night.lua")
+        .replace("x:render", "x:skip(\"too shallow\", function(p) return p.depth < 4 end)\nx:render");
     place.write("night.lua", &script);
     let page = place.succeed(&["plan", "night.lua"]).stdout;
     assert!(page.contains("skipped depth=2: too shallow"), "{page}");
@@ -133,7 +132,8 @@ fn every_verb_explains_itself() {
         // Every argument and option has a sentence beside or below it.
         let lines: Vec<&str> = help.lines().collect();
         for (i, line) in lines.iter().enumerate() {
-            let names_one = line.trim_start().starts_with(['-', '<', '[']) && line.starts_with(' ');
+            let name = line.trim_start();
+            let names_one = line.starts_with(' ') && (name.starts_with(['-', '<', '[']) && !name.starts_with("[default"));
             let beside = line.trim_start().split("  ").filter(|part| !part.trim().is_empty()).count() > 1;
             let below = lines.get(i + 1).is_some_and(|next| next.starts_with("          "));
             assert!(!names_one || beside || below, "{verb}: `{line}` explains nothing");

@@ -15,11 +15,8 @@ use crate::math::stats::median;
 const REPEATS: usize = 5;
 
 /// The scenes that this project brings, relative to its root.
-const BUILT_IN: [&str; 3] = [
-    "scenes/cornell/cornell.scn",
-    "scenes/cornell_spheres/cornell_spheres.scn",
-    "scenes/veach_lamps/veach_lamps.scn",
-];
+const BUILT_IN: [&str; 3] =
+    ["scenes/cornell/cornell.scn", "scenes/cornell_spheres/cornell_spheres.scn", "scenes/veach_lamps/veach_lamps.scn"];
 
 /// Everything that was measured, ready to print or to save.
 pub struct Report {

@@ -80,7 +80,8 @@ impl Sheet {
         let empty = WaveRow::default();
         let row = current.curve.last().unwrap_or(&empty);
         // Importance beside each line: 1 stays longest.
-        let mut lines: Vec<(u8, Line<'static>)> = vec![(3, self.fit(&words::cell_name(plan, current.cell), self.look.strong()))];
+        let mut lines: Vec<(u8, Line<'static>)> =
+            vec![(3, self.fit(&words::cell_name(plan, current.cell), self.look.strong()))];
         if let Some((config, scene)) = config_of(plan, current.cell) {
             lines.push((4, self.technique(config)));
             lines.push((5, self.fit(&self.subject(config, scene), Style::new())));
@@ -152,7 +153,11 @@ impl Sheet {
         Line::from(vec![
             Span::styled(words::clean(&config.integrator), self.look.accent()),
             Span::raw("  "),
-            Span::raw(words::fit(long, self.width.saturating_sub(config.integrator.len() + 2), self.look.glyphs().ellipsis)),
+            Span::raw(words::fit(
+                long,
+                self.width.saturating_sub(config.integrator.len() + 2),
+                self.look.glyphs().ellipsis,
+            )),
         ])
     }
 

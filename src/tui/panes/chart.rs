@@ -30,7 +30,8 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let (Some(spec), Some(current)) = (spec, current) else {
-        let note = if spec.is_none() && model.plan.is_some() { "the plan measures nothing" } else { "nothing to plot yet" };
+        let note =
+            if spec.is_none() && model.plan.is_some() { "the plan measures nothing" } else { "nothing to plot yet" };
         frame.render_widget(Paragraph::new(note).style(look.dim()), inner);
         return;
     };
@@ -49,7 +50,9 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
 fn note(current: &Current) -> &'static str {
     match current.cell {
         CellRef::Reference(_) => "This is a reference: the others are measured against it, it against nothing.",
-        CellRef::Cell(_) if current.reference.is_none() && current.curve.rows().iter().all(|r| r.metrics.is_empty()) => {
+        CellRef::Cell(_)
+            if current.reference.is_none() && current.curve.rows().iter().all(|r| r.metrics.is_empty()) =>
+        {
             "This cell has no reference, so there is no error to show."
         }
         CellRef::Cell(_) => "No measurement can be plotted yet.",

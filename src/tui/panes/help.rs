@@ -32,9 +32,15 @@ fn signs(look: Look) -> Vec<Line<'static>> {
     };
     let rows = [
         [(g.waiting, look.dim(), "waiting"), (g.running, look.accent(), "rendering"), (g.done, look.good(), "done")],
-        [(g.cached, look.good(), "done before"), (g.failed, look.bad(), "failed"), (g.interrupted, look.warn(), "interrupted")],
+        [
+            (g.cached, look.good(), "done before"),
+            (g.failed, look.bad(), "failed"),
+            (g.interrupted, look.warn(), "interrupted"),
+        ],
     ];
-    rows.into_iter().map(|row| Line::from_iter(row.into_iter().flat_map(|(g, style, text)| sign(g, style, text)))).collect()
+    rows.into_iter()
+        .map(|row| Line::from_iter(row.into_iter().flat_map(|(g, style, text)| sign(g, style, text))))
+        .collect()
 }
 
 /// Draws the help.
@@ -48,13 +54,9 @@ pub fn draw(frame: &mut Frame, area: Rect, _model: &Model, view: &View) {
     lines.extend(signs(look));
     let width = (lines.iter().map(Line::width).max().unwrap_or(0) as u16 + 4).min(area.width);
     let height = (lines.len() as u16 + 2).min(area.height);
-    let at = Rect {
-        x: area.x + (area.width - width) / 2,
-        y: area.y + (area.height - height) / 2,
-        width,
-        height,
-    };
+    let at = Rect { x: area.x + (area.width - width) / 2, y: area.y + (area.height - height) / 2, width, height };
     frame.render_widget(Clear, at);
-    let block = pane(look, Span::styled(" Keys and signs ", look.strong())).padding(ratatui::widgets::Padding::horizontal(1));
+    let block =
+        pane(look, Span::styled(" Keys and signs ", look.strong())).padding(ratatui::widgets::Padding::horizontal(1));
     frame.render_widget(Paragraph::new(lines).block(block), at);
 }
