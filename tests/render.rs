@@ -12,3 +12,5 @@ mod furnace;
 mod intersection;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/references.rs"]
+mod references;

@@ -54,6 +54,8 @@ pub struct Axis {
 const PADDING: f64 = 0.04;
 /// Shortest logarithmic axis, in decades.
 const FEWEST_DECADES: f64 = 0.3;
+/// Shortest linear axis, as a share of its largest value.
+const SHORTEST_LINEAR: f64 = 0.02;
 
 impl Axis {
     /// An axis on which all values that its scale holds have a place; `None` if there are none.
@@ -69,7 +71,7 @@ impl Axis {
         let shortest = match scale {
             Scale::Log => FEWEST_DECADES,
             Scale::Linear if low == 0.0 && high == 0.0 => 1.0,
-            Scale::Linear => 1e-3 * low.abs().max(high.abs()),
+            Scale::Linear => SHORTEST_LINEAR * low.abs().max(high.abs()),
         };
         let widen = ((shortest - (high - low)) / 2.0).max(0.0);
         (low, high) = (low - widen, high + widen);
@@ -179,7 +181,7 @@ mod tests {
         assert_eq!(log(1e-7, 1e-3), ["10^-7", "10^-6", "10^-5", "10^-4", "10^-3"]);
         assert_eq!(log(2e-5, 3e-4), ["2x10^-5", "5x10^-5", "10^-4", "2x10^-4"]);
         assert_eq!(log(1e-20, 1e20).len(), 7);
-        assert_eq!(log(1.1, 1.9), ["1.2", "1.4", "1.6", "1.8", "2"]);
+        assert_eq!(log(1.1, 1.9), ["1", "1.2", "1.4", "1.6", "1.8", "2"]);
     }
 
     #[test]

@@ -23,6 +23,12 @@ const SMALL: Font = Font::new(11.0, FAINT);
 
 /// Length of the sample of a curve in the legend.
 const SAMPLE: f64 = 38.0;
+/// Room between that and its text.
+const SAMPLE_GAP: f64 = 8.0;
+/// Room between entries of the legend in a row.
+const ENTRY_GAP: f64 = 26.0;
+/// Distance between rows of the legend.
+const ROW: f64 = 20.0;
 /// Least distance between markers of one curve.
 const MARKER_EVERY: f64 = 46.0;
 /// Points closer than this to the last one drawn add nothing.
@@ -43,7 +49,7 @@ pub fn draw(figure: &Figure) -> String {
         y += SMALL.size + 2.0;
         drawing.text((MARGIN, y), SMALL, Anchor::Start, &figure.subtitle);
     }
-    y += 16.0;
+    y += 14.0;
 
     // Panels share the horizontal axis and start at the same height.
     let all = || figure.panels.iter().flat_map(|p| &p.curves).flat_map(|c| &c.points);
@@ -53,16 +59,16 @@ pub fn draw(figure: &Figure) -> String {
     for (i, (panel, lines)) in figure.panels.iter().zip(&heads).enumerate() {
         let left = MARGIN + LEFT + i as f64 * (LEFT + PLOT.0 + GAP);
         for (line, (font, text)) in lines.iter().enumerate() {
-            let baseline = y + HEADING.size + line as f64 * (HEADING.size + 3.0);
+            let baseline = y + head - (lines.len() - 1 - line) as f64 * (HEADING.size + 3.0);
             drawing.text((left, baseline), *font, Anchor::Start, text);
         }
-        draw_panel(&mut drawing, panel, x_axis.as_ref(), figure.x_label, (left, y + head + 8.0));
+        draw_panel(&mut drawing, panel, x_axis.as_ref(), figure.x_label, (left, y + head + 9.0));
     }
     if figure.panels.is_empty() {
         drawing.text((MARGIN, y + HEADING.size), SMALL, Anchor::Start, "none of the figure's metrics is measured");
     }
-    y += head + 8.0 + PLOT.1 + BELOW;
-    let height = legend(&mut drawing, figure, y + 14.0, width) + MARGIN;
+    y += head + 9.0 + PLOT.1 + BELOW;
+    let height = legend(&mut drawing, figure, y + 22.0, width) + MARGIN;
     drawing.finish(width, height, &figure.title, &figure.description)
 }
 
@@ -125,24 +131,34 @@ fn draw_curve(drawing: &mut Drawing, curve: &Curve, x: &impl Fn(f64) -> f64, y: 
     markers.into_iter().for_each(|at| drawing.marker(at, curve.style));
 }
 
-/// Draws the legend's entries in rows from `top` on and returns where it ends.
+/// Draws the legend's entries from `top` on, in one row or else in columns, and returns where it ends.
 fn legend(drawing: &mut Drawing, figure: &Figure, top: f64, width: f64) -> f64 {
-    let (mut x, mut y) = (MARGIN + LEFT, top);
-    for (text, style) in &figure.legend {
-        let lines = wrap(text, LABEL.size, width - 2.0 * MARGIN - LEFT - SAMPLE - 8.0);
-        let needed = SAMPLE + 8.0 + lines.iter().map(|l| text_width(l, LABEL.size)).fold(0.0, f64::max);
-        if x > MARGIN + LEFT && x + needed > width - MARGIN {
-            (x, y) = (MARGIN + LEFT, y + 20.0);
+    let room = width - 2.0 * MARGIN - LEFT;
+    let entries: Vec<(Vec<String>, f64)> = figure
+        .legend
+        .iter()
+        .map(|(text, _)| {
+            let lines = wrap(text, LABEL.size, room - SAMPLE - SAMPLE_GAP);
+            let widest = lines.iter().map(|l| text_width(l, LABEL.size)).fold(0.0, f64::max);
+            (lines, SAMPLE + SAMPLE_GAP + widest + ENTRY_GAP)
+        })
+        .collect();
+    let one_row = entries.iter().map(|(_, w)| w).sum::<f64>() <= room + ENTRY_GAP;
+    let column = entries.iter().map(|(_, w)| *w).fold(1.0, f64::max);
+    let columns = (((room + ENTRY_GAP) / column).floor() as usize).max(1);
+    let (mut x, mut y, mut bottom) = (MARGIN + LEFT, top, top);
+    for (i, ((lines, needed), (_, style))) in entries.iter().zip(&figure.legend).enumerate() {
+        if !one_row && i > 0 && i % columns == 0 {
+            (x, y) = (MARGIN + LEFT, bottom + ROW);
         }
         drawing.curve(&[(x, y - 4.0), (x + SAMPLE, y - 4.0)], *style, 1.7);
         drawing.marker((x + SAMPLE / 2.0, y - 4.0), *style);
-        for (i, line) in lines.iter().enumerate() {
-            if i > 0 {
-                y += 16.0;
-            }
-            drawing.text((x + SAMPLE + 8.0, y), LABEL, Anchor::Start, line);
+        for (j, line) in lines.iter().enumerate() {
+            let baseline = y + j as f64 * (LABEL.size + 3.0);
+            drawing.text((x + SAMPLE + SAMPLE_GAP, baseline), LABEL, Anchor::Start, line);
+            bottom = bottom.max(baseline);
         }
-        x += needed + 26.0;
+        x += if one_row { *needed } else { column };
     }
-    y
+    bottom
 }

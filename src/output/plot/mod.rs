@@ -1,6 +1,6 @@
 //! Convergence figures: error against render time or samples, one SVG for each combination of facet values.
 //!
-//! Here the figure's data is gathered; [`layout`] places and draws it. Only cells are drawn: references have no
+//! Here the figure's data is gathered; the module `layout` places and draws it. Only cells are drawn: references have no
 //! metrics. Interrupted and failed cells are drawn as far as they were measured.
 
 mod axis;
@@ -23,6 +23,9 @@ use style::{Style, style};
 /// Longest file stem in bytes, so that it fits every file system with a suffix and an extension.
 const LONGEST_STEM: usize = 120;
 
+/// Axis names with the text of their values.
+type Pairs = Vec<(String, String)>;
+
 /// One picture's data.
 struct Figure {
     title: String,
@@ -37,7 +40,7 @@ struct Figure {
 /// One metric of a picture.
 struct Panel {
     heading: String,
-    /// Options of the metric in words.
+    /// The metric's column, where it has a name of its own, and its options in words.
     details: String,
     y_label: String,
     scale: Scale,
@@ -68,8 +71,9 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<(S
         })
         .collect();
     let by = curve_axes(plan, spec);
-    let mut styles: Vec<Vec<(String, String)>> = Vec::new();
-    let mut facets: Vec<(Vec<(String, String)>, Vec<(usize, usize)>)> = Vec::new();
+    let mut styles: Vec<Pairs> = Vec::new();
+    // Of every facet the measured cells, each with the number of its look.
+    let mut facets: Vec<(Pairs, Vec<(usize, usize)>)> = Vec::new();
     for cell in 0..plan.cells.len() {
         let curve = pairs(plan, &by, cell);
         let look = styles.iter().position(|s| *s == curve).unwrap_or_else(|| {
@@ -108,7 +112,7 @@ fn curve_axes(plan: &Plan, spec: &FigureSpec) -> Vec<String> {
 }
 
 /// The values of some axes at a cell.
-fn pairs(plan: &Plan, axes: &[String], cell: usize) -> Vec<(String, String)> {
+fn pairs(plan: &Plan, axes: &[String], cell: usize) -> Pairs {
     let pair = |axis: &String| labels::axis_value(plan, cell, axis).map(|v| (axis.clone(), v.to_string()));
     axes.iter().filter_map(pair).collect()
 }
@@ -117,12 +121,14 @@ fn gather(
     plan: &Plan,
     spec: &FigureSpec,
     rows: &BTreeMap<usize, &[WaveRow]>,
-    styles: &[Vec<(String, String)>],
+    styles: &[Pairs],
     facet: &[(String, String)],
     cells: &[(usize, usize)],
 ) -> Figure {
     let runs = |look: usize| cells.iter().filter(|(_, l)| *l == look).count();
-    let most = cells.iter().map(|(_, look)| runs(*look)).max().unwrap_or(0);
+    let (least, most) =
+        cells.iter().map(|(_, look)| runs(*look)).fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
+    let each = if least == most { most.to_string() } else { format!("{least} to {most}") };
     let mut looks: Vec<usize> = cells.iter().map(|(_, look)| *look).collect();
     looks.sort_unstable();
     looks.dedup();
@@ -147,11 +153,12 @@ fn gather(
                 .filter(|(x, y)| Scale::Log.holds(*x) && scale.holds(*y))
                 .collect(),
         });
-        let name = if column == row.name { row.label } else { column.as_str() };
+        let named = (column != row.name).then(|| format!("column {column}"));
+        let details = named.into_iter().chain([metric.describe_options()]).filter(|d| !d.is_empty());
         Some(Panel {
             heading: if prefix.is_empty() { capitalised(row.long_name) } else { format!("{prefix}{}", row.long_name) },
-            details: metric.describe_options(),
-            y_label: format!("{prefix}{name}{unit}"),
+            details: details.collect::<Vec<_>>().join(", "),
+            y_label: format!("{prefix}{}{unit}", row.label),
             scale,
             curves: curves.collect(),
         })
@@ -161,7 +168,7 @@ fn gather(
             .chain((!facet_text.is_empty()).then(|| facet_text.join(", ")))
             .collect::<Vec<_>>()
             .join(": "),
-        subtitle: if most > 1 { format!("up to {most} runs of each, one thin line per run") } else { String::new() },
+        subtitle: if most > 1 { format!("{each} runs of each, one thin line per run") } else { String::new() },
         description: description(plan, rows, cells),
         x_label: match spec.x {
             FigureX::RenderS => "render time (s)",

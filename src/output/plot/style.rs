@@ -14,7 +14,7 @@ pub const GRID: &str = "#d4d4d4";
 /// Colour of the fine grid.
 pub const FINE_GRID: &str = "#ededed";
 
-const COLOURS: [&str; 8] = ["#0b5394", "#d55e00", "#117733", "#cc79a7", "#332288", "#e69f00", "#882255", "#56b4e9"];
+const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#117733", "#cc79a7", "#332288", "#e69f00", "#882255", "#56b4e9"];
 const DASHES: [&str; 5] = ["", "7 3", "2 2.4", "9 3 2 3", "4 2 1 2 1 2"];
 
 /// The look of one curve.
@@ -27,7 +27,7 @@ pub struct Style {
     marker: usize,
 }
 
-/// The look of curve `index`. The combinations of colour, dash and marker repeat after 840 curves.
+/// The look of curve `index`. The combinations of colour, dash and marker repeat after 280 curves.
 pub fn style(index: usize) -> Style {
     Style { colour: COLOURS[index % COLOURS.len()], dash: DASHES[index % DASHES.len()], marker: index % MARKERS.len() }
 }

@@ -117,10 +117,7 @@ fn values_without_a_place_are_skipped() {
     let svg = &figures(&plan, &spec(&["rmse"], Some("depth"), &[]), &[done(0, &[(1.0, 0.5), (2.0, f64::NAN)])])[0].1;
     assert_eq!((count(svg, "<polyline"), count(svg, "<circle")), (1, 2));
     let missing = figures(&plan, &spec(&["flop"], None, &[]), &[done(0, &waves(0))]);
-    assert!(
-        missing[0].1.contains("none of the figure&#39;s metrics")
-            || missing[0].1.contains("none of the figure's metrics")
-    );
+    assert!(missing[0].1.contains("none of the figure's metrics is measured"));
 }
 
 #[test]
@@ -144,7 +141,4 @@ fn figures_are_drawable_and_deterministic() {
     let picture = image::load_from_memory(&png).unwrap().to_rgb8();
     let coloured = picture.pixels().filter(|p| p.0.iter().max().unwrap() - p.0.iter().min().unwrap() > 60).count();
     assert!(coloured > 2000, "only {coloured} pixels have a colour");
-    if let Some(folder) = std::env::var_os("LUMBRE_FIGURES") {
-        std::fs::write(std::path::Path::new(&folder).join("figure.png"), png).unwrap();
-    }
 }
