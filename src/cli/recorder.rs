@@ -203,7 +203,10 @@ impl Sink for Recorder<'_> {
                 self.current = None;
                 self.log.set_run(None);
                 kept?;
-                self.tell("cell_finished", &self.finished_fields(*cell, outcome, rows));
+                // What was there already is no news; ten thousand such lines every night would hide what is.
+                if !matches!(outcome, Outcome::Cached(_)) {
+                    self.tell("cell_finished", &self.finished_fields(*cell, outcome, rows));
+                }
                 Ok(())
             }
             Event::Message { level, cell, text } => {

@@ -204,10 +204,8 @@ fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<()
 }
 
 fn print_tables(plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
-    for spec in &plan.tables {
-        data(&format!("{}\n", table::build(plan, spec, &night.results).to_markdown().trim_end()))?;
-    }
-    Ok(())
+    let tables = plan.tables.iter().map(|spec| table::build(plan, spec, &night.results).to_markdown());
+    data(&tables.collect::<Vec<_>>().join("\n"))
 }
 
 fn say_failures(plan: &Plan, night: &NightSummary) {

@@ -19,6 +19,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
     ("exr", &["output"]),
+    ("png", &["output"]),
     ("tobj", &["scene"]),
 ];
 

@@ -3,8 +3,10 @@
 use std::collections::BTreeSet;
 
 use lumbre::metrics::METRICS;
+use lumbre::metrics::tonemap::TONEMAPS;
 use lumbre::render::BACKENDS;
 use lumbre::scene::desc::MATERIAL_PARAMS;
+use lumbre::scene::load::FORMATS;
 use lumbre::transport::integrator::INTEGRATORS;
 use lumbre::value::schema::{Field, Table, Ty};
 
@@ -77,4 +79,20 @@ fn material_parameters_have_keys_and_meanings() {
     check_rows("MATERIAL_PARAMS", MATERIAL_PARAMS.iter().map(|r| (r.name, r.doc)));
     let keys: BTreeSet<_> = MATERIAL_PARAMS.iter().map(|r| r.scn_key.to_lowercase()).collect();
     assert_eq!(keys.len(), MATERIAL_PARAMS.len(), "two parameters share a .scn key");
+}
+
+#[test]
+fn scene_formats_have_extensions_that_no_other_has() {
+    check_rows("FORMATS", FORMATS.iter().map(|r| (r.name, r.doc)));
+    let mut seen = BTreeSet::new();
+    for extension in FORMATS.iter().flat_map(|r| r.extensions) {
+        assert!(extension.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit()), "`{extension}`");
+        assert!(seen.insert(extension), "two formats claim `.{extension}`");
+    }
+}
+
+#[test]
+fn tone_maps_have_names_and_options() {
+    check_rows("TONEMAPS", TONEMAPS.iter().map(|(name, table)| (*name, table.doc)));
+    TONEMAPS.iter().for_each(|(name, table)| check_schema(name, table));
 }
