@@ -75,7 +75,7 @@ fn expect_script(path: &Path) -> Result<(), Failure> {
         Some(name) => {
             let scripts = scripts_in(folder);
             match suggest::nearest(name, scripts.iter().map(String::as_str)) {
-                Some(near) => format!("did you mean `{}`?", folder.join(near).display()),
+                Some(near) => format!("did you mean `{}`?", shown(&folder.join(near))),
                 None if scripts.is_empty() => "there is none in that folder".to_owned(),
                 None => format!("scripts there: {}", scripts.join(", ")),
             }

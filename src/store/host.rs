@@ -28,7 +28,8 @@ impl Host {
         }
     }
 
-    /// The content of `env.json`: the machine, the program's version, the date and the command line.
+    /// The content of `env.json`: the machine, the program's version, the date, the current folder and the
+    /// command line.
     pub fn env_json(&self) -> Json {
         json!({
             "host": self.name,
@@ -37,6 +38,7 @@ impl Host {
             "cores": self.cores,
             "program": concat!("lumbre ", env!("CARGO_PKG_VERSION")),
             "date": utc(SystemTime::now()),
+            "folder": std::env::current_dir().map(|d| d.display().to_string()).unwrap_or_default(),
             "arguments": std::env::args().skip(1).collect::<Vec<_>>(),
         })
     }

@@ -29,7 +29,7 @@ fn a_folder_is_no_script() {
 #[test]
 fn an_unknown_verb_gets_a_near_one() {
     let place = Workplace::new();
-    assert!(refused(&place, &["rnu", "night.lua"]).contains("'run'"));
+    assert!(refused(&place, &["runn", "night.lua"]).contains("'run'"));
     assert!(refused(&place, &[]).contains("Usage"));
     assert!(refused(&place, &["run", "night.lua", "depth"]).contains("AXIS=VALUE"));
 }

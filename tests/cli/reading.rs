@@ -133,8 +133,7 @@ fn every_verb_explains_itself() {
         let lines: Vec<&str> = help.lines().collect();
         for (i, line) in lines.iter().enumerate() {
             let name = line.trim_start();
-            let names_one =
-                line.starts_with(' ') && (name.starts_with(['-', '<', '[']) && !name.starts_with("[default"));
+            let names_one = line.starts_with(' ') && (name.starts_with(['-', '<', '[']) && !name.contains(": "));
             let beside = line.trim_start().split("  ").filter(|part| !part.trim().is_empty()).count() > 1;
             let below = lines.get(i + 1).is_some_and(|next| next.starts_with("          "));
             assert!(!names_one || beside || below, "{verb}: `{line}` explains nothing");

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::workplace::{SLOW, Workplace};
 
-const CELLS: usize = 40;
+const CELLS: usize = 24;
 /// Longest that anything here may take before the test gives up; nothing is expected to come near.
 const PATIENCE: Duration = Duration::from_secs(120);
 

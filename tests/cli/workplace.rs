@@ -48,11 +48,11 @@ return x
 
 /// Many cells that each take a while: the predicate burns time, whatever the fake clock says.
 pub const SLOW: &str = r#"
-local x = experiment("slow", { seed = 1, repeats = 40 })
+local x = experiment("slow", { seed = 1, repeats = 24 })
 local function dawdle(row)
   local n = 0
   for i = 1, 1000000 do n = n + i % 7 end
-  return row.wave >= 8
+  return row.wave >= 3
 end
 x:render(function(p) return { scene = "ball.scn", integrator = "bpt", resolution = { 24, 16 }, backend = "mock" } end)
 x:stop(function(p) return stop.any { stop.predicate(dawdle), stop.samples(4096) } end)
