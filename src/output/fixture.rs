@@ -42,6 +42,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         references: Vec::new(),
         skipped: Vec::new(),
         notes: Vec::new(),
+        warnings: Vec::new(),
         measure: Measure {
             every_s: 0.5,
             metrics: ["rmse", "ssim", "psnr"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap()).to_vec(),
