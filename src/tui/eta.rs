@@ -42,13 +42,12 @@ pub fn render_left(rule: &StopRule, row: &WaveRow) -> Option<Eta> {
             let open = rules.iter().any(|r| !matches!(r, StopRule::Nan(_)) && render_left(r, row).is_none());
             Some(Eta { seconds: least, at_most: open || known.iter().any(|eta| eta.at_most) })
         }
-        StopRule::All(rules) => rules.iter().map(|r| render_left(r, row)).try_fold(
-            Eta { seconds: 0.0, at_most: false },
-            |most, eta| {
+        StopRule::All(rules) => {
+            rules.iter().map(|r| render_left(r, row)).try_fold(Eta { seconds: 0.0, at_most: false }, |most, eta| {
                 let eta = eta?;
                 Some(Eta { seconds: most.seconds.max(eta.seconds), at_most: most.at_most || eta.at_most })
-            },
-        ),
+            })
+        }
         _ => None,
     }
 }

@@ -215,7 +215,8 @@ impl Model {
             }
             Event::Message { level, cell, text } => {
                 let about = match (&self.plan, cell) {
-                    (Some(plan), Some(cell)) => format!("{}: ", words::cell_name(plan, *cell)),
+                    (Some(plan), Some(cell @ CellRef::Cell(_))) => format!("{}: ", words::cell_name(plan, *cell)),
+                    (Some(plan), Some(cell)) => format!("reference {}: ", words::cell_name(plan, *cell)),
                     _ => String::new(),
                 };
                 if self.messages.len() >= MESSAGES {

@@ -3,11 +3,15 @@
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::stop::Comparison;
 use crate::experiment::{CellRef, Plan, StopRule};
+use crate::metrics::MetricSpec;
 
-/// Seconds with a unit, at most seven columns: `0.52 s`, `59.9 s`, `4m05s`, `2h03m`, `3d04h`.
+/// Seconds with a unit, at most seven columns: `2.1 ms`, `0.52 s`, `59.9 s`, `4m05s`, `2h03m`, `3d04h`.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds < 0.0 {
         return "?".to_owned();
+    }
+    if seconds > 0.0 && seconds < 0.00995 {
+        return format!("{:.1} ms", seconds * 1e3);
     }
     if seconds < 9.995 {
         return format!("{seconds:.2} s");
@@ -96,7 +100,15 @@ fn joined(rules: &[StopRule], word: &str, none: &str) -> String {
     }
 }
 
-/// A cell's parameters, or what a reference is: `depth=5 aa=0.5 rep=1`, `reference bpt of cornell.scn`.
+/// A metric's value, with its unit where that is a short one: `30.8 dB`.
+pub fn measured(spec: &MetricSpec, value: f64) -> String {
+    match spec.unit() {
+        unit if (1..=3).contains(&unit.len()) => format!("{} {unit}", number(value)),
+        _ => number(value),
+    }
+}
+
+/// A cell's parameters, or what a reference is: `depth=5 aa=0.5 rep=1`, `bpt of cornell.scn`.
 pub fn cell_name(plan: &Plan, cell: CellRef) -> String {
     match cell {
         CellRef::Cell(i) => plan.cells.get(i).map_or_else(String::new, |cell| {
@@ -108,9 +120,9 @@ pub fn cell_name(plan: &Plan, cell: CellRef) -> String {
         }),
         CellRef::Reference(i) => match plan.references.get(i).map(|r| &r.source) {
             Some(ReferenceSource::Render { config, .. }) => {
-                format!("reference {} of {}", config.integrator, scene_name(&config.scene))
+                clean(&format!("{} of {}", config.integrator, scene_name(&config.scene)))
             }
-            Some(ReferenceSource::File(file)) => format!("reference {}", scene_name(&file.to_string_lossy())),
+            Some(ReferenceSource::File(file)) => scene_name(&file.to_string_lossy()),
             None => String::new(),
         },
     }
@@ -186,6 +198,9 @@ mod tests {
     fn durations_keep_their_units_at_every_boundary() {
         let cases = [
             (0.0, "0.00 s"),
+            (0.0021, "2.1 ms"),
+            (0.00994, "9.9 ms"),
+            (0.00996, "0.01 s"),
             (9.994, "9.99 s"),
             (9.996, "10.0 s"),
             (59.94, "59.9 s"),

@@ -124,11 +124,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let fresh = |p: &&mut Preview| Arc::ptr_eq(&p.source, image) && p.size == size;
     let preview = match preview.as_mut().filter(fresh) {
         Some(preview) => preview,
-        None => preview.insert(Preview {
-            source: image.clone(),
-            size,
-            reduced: box_average(image, size[0], size[1]),
-        }),
+        None => preview.insert(Preview { source: image.clone(), size, reduced: box_average(image, size[0], size[1]) }),
     };
     let brightness = view.exposure.exp2();
     let exposed = Image::from_fn(size[0], size[1], |x, y| preview.reduced.at(x, y).map(|v| v * brightness));

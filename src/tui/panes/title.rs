@@ -57,7 +57,7 @@ fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
     if let Some(eta) = model.night_eta(view.now_s) {
         facts.push((time_left(look, eta), look.strong()));
     }
-    facts.push((format!("{} gone", words::duration(model.night_s(view.now_s))), look.dim()));
+    facts.push((format!("{} elapsed", words::duration(model.night_s(view.now_s))), look.dim()));
     if model.invalid() > 0 {
         facts.push((format!("{} invalid", words::count(model.invalid())), look.bad()));
     }
