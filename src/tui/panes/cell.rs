@@ -58,7 +58,8 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let width = usize::from(inner.width);
     let sheet = Sheet { look, width, height: usize::from(inner.height) };
     let mut lines = sheet.lines(plan, model, view, current);
-    if !named {
+    // What a rendered reference is stands on the first line in any case.
+    if !named && !(matches!(current.cell, CellRef::Reference(_)) && config_of(plan, current.cell).is_some()) {
         lines.insert(0, (3, sheet.fit(&name, look.accent())));
     }
     let lines = sheet.most_important(lines);
@@ -215,7 +216,7 @@ impl Sheet {
             self.fact("render", &words::duration(row.render_s), self.look.strong()),
             self.fact("wall", &words::duration(model.cell_wall_s(view.now_s)), Style::new()),
         ];
-        if let Some(eta) = model.cell_eta(view.now_s) {
+        if let Some(eta) = model.cell_eta(view.clock_s(model)) {
             facts.push(vec![Span::styled(title::time_left(self.look, eta), self.look.strong())]);
         }
         self.facts(facts)

@@ -53,7 +53,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
 /// Why there is no curve.
 fn note(current: &Current) -> &'static str {
     match current.cell {
-        CellRef::Reference(_) => "This is a reference: the others are measured against it, it against nothing.",
+        CellRef::Reference(_) => "This is a reference: cells are measured against it, so it has no error of its own.",
         CellRef::Cell(_)
             if current.reference.is_none() && current.curve.rows().iter().all(|r| r.metrics.is_empty()) =>
         {
@@ -78,7 +78,9 @@ fn headline(spec: Option<&MetricSpec>, current: Option<&Current>, view: &View, w
     if let Some(current) = current {
         if let Some(value) = current.curve.last().and_then(|row| row.metrics.get(view.metric)) {
             add(format!("{} ", words::number(*value)), look.accent());
-            add(format!("{} ", spec.unit()), look.dim());
+            if !spec.unit().is_empty() {
+                add(format!("{} ", spec.unit()), look.dim());
+            }
         }
         if spec.row.better == Better::Lower
             && let Some(slope) = current.curve.slope(view.metric, |row| x_of(row, view.chart_x))
