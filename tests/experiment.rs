@@ -1,0 +1,17 @@
+//! The experiment room through its public face: plans of sweeps, identities of runs, and whole nights on the mock
+//! backend's fake clock.
+
+#[path = "experiment/errors.rs"]
+mod errors;
+#[path = "experiment/fixtures.rs"]
+mod fixtures;
+#[path = "experiment/identity.rs"]
+mod identity;
+#[path = "experiment/intervention.rs"]
+mod intervention;
+#[path = "experiment/listeners.rs"]
+mod listeners;
+#[path = "experiment/night.rs"]
+mod night;
+#[path = "experiment/sweep.rs"]
+mod sweep;
