@@ -125,7 +125,7 @@ impl LineSink {
             let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
             format!("{} ({long}) on ", config.integrator)
         });
-        let rule = self.model.stop_rule(cell).map_or_else(String::new, |r| format!("; until {}", words::stop_rule(r)));
+        let rule = self.model.stop_rule(cell).map_or_else(String::new, |r| format!("; until {}", r.describe()));
         let line = format!("{}  started: {technique}{device}{rule}", self.name(cell));
         self.talk(Ink::Dim, &words::clean(&line));
     }

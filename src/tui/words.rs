@@ -1,8 +1,7 @@
-//! Numbers, durations, rules and names as people read them, short enough for a column.
+//! Numbers, durations and names as people read them, short enough for a column.
 
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::stop::Comparison;
-use crate::experiment::{CellRef, Plan, StopRule};
+use crate::experiment::{CellRef, Plan};
 use crate::metrics::MetricSpec;
 
 /// Seconds with a unit, at most seven columns: `2.1 ms`, `0.52 s`, `59.9 s`, `4m05s`, `2h03m`, `3d04h`.
@@ -56,47 +55,6 @@ pub fn count(n: u64) -> String {
         0..10_000_000 => n.to_string(),
         10_000_000..10_000_000_000 => format!("{:.1}M", n as f64 / 1e6),
         _ => format!("{:.1}G", n as f64 / 1e9),
-    }
-}
-
-/// A stop rule in words: `256 spp or 30 s`.
-pub fn stop_rule(rule: &StopRule) -> String {
-    match rule {
-        StopRule::Time(s) => format!("{} of render time", limit(*s)),
-        StopRule::Samples(n) => format!("{n} spp"),
-        StopRule::Waves(n) => format!("{n} waves"),
-        StopRule::When { column, op, value, hold } => {
-            let op = match op {
-                Comparison::Less => "<",
-                Comparison::LessEqual => "<=",
-                Comparison::Greater => ">",
-                Comparison::GreaterEqual => ">=",
-            };
-            let hold = if *hold > 1 { format!(" {hold} times running") } else { String::new() };
-            format!("{column} {op} {value}{hold}")
-        }
-        StopRule::Nan(1) => "an invalid sample".to_owned(),
-        StopRule::Nan(n) => format!("{n} invalid samples"),
-        StopRule::Predicate(_) => "the script says so".to_owned(),
-        StopRule::Any(rules) => joined(rules, " or ", "never"),
-        StopRule::All(rules) => joined(rules, " and ", "at once"),
-        StopRule::Not(rule) => format!("not ({})", stop_rule(rule)),
-    }
-}
-
-/// A round duration without the decimals that a measured one has.
-fn limit(seconds: f64) -> String {
-    if seconds < 60.0 && seconds.fract() == 0.0 { format!("{seconds} s") } else { duration(seconds) }
-}
-
-fn joined(rules: &[StopRule], word: &str, none: &str) -> String {
-    let part = |rule: &StopRule| match rule {
-        StopRule::Any(inner) | StopRule::All(inner) if inner.len() > 1 => format!("({})", stop_rule(rule)),
-        _ => stop_rule(rule),
-    };
-    match rules {
-        [] => none.to_owned(),
-        _ => rules.iter().map(part).collect::<Vec<_>>().join(word),
     }
 }
 
@@ -235,23 +193,6 @@ mod tests {
         }
         assert_eq!(count(9_999_999), "9999999");
         assert_eq!(count(12_340_000), "12.3M");
-    }
-
-    #[test]
-    fn rules_read_as_sentences() {
-        let rule = StopRule::Any(vec![
-            StopRule::Samples(256),
-            StopRule::All(vec![
-                StopRule::Time(30.0),
-                StopRule::When { column: "rmse".into(), op: Comparison::Less, value: 0.01, hold: 3 },
-            ]),
-            StopRule::Not(Box::new(StopRule::Nan(1))),
-        ]);
-        assert_eq!(
-            stop_rule(&rule),
-            "256 spp or (30 s of render time and rmse < 0.01 3 times running) or not (an invalid sample)"
-        );
-        assert_eq!(stop_rule(&StopRule::Any(Vec::new())), "never");
     }
 
     #[test]

@@ -399,8 +399,11 @@ mod tests {
     #[test]
     fn emitters_have_exact_areas_in_order_of_primitive() {
         let scaled = Transform { scale: Vec3::new(2.0, 3.0, 1.0), ..Transform::default() };
-        let shapes =
-            vec![(ShapeDesc::Sphere { radius: 0.5 }, Transform::default()), (triangle(), scaled), (triangle(), Transform::default())];
+        let shapes = vec![
+            (ShapeDesc::Sphere { radius: 0.5 }, Transform::default()),
+            (triangle(), scaled),
+            (triangle(), Transform::default()),
+        ];
         let (c, _) = compile(&scene(shapes, light())).unwrap();
         assert_eq!(c.primitive_count(), 3);
         let areas: Vec<(u32, f32)> = c.emitters.iter().map(|e| (e.primitive, e.area)).collect();

@@ -9,6 +9,7 @@ use ratatui::widgets::Paragraph;
 use super::{pane, title};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellConfig, CellRef, Plan, WaveRow};
+use crate::render::OpenStats;
 use crate::scene::SceneDesc;
 use crate::transport::camera::FilterKind;
 use crate::transport::integrator;
@@ -59,7 +60,8 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let sheet = Sheet { look, width, height: usize::from(inner.height) };
     let mut lines = sheet.lines(plan, model, view, current);
     // What a rendered reference is stands on the first line in any case.
-    if !named && !(matches!(current.cell, CellRef::Reference(_)) && config_of(plan, current.cell).is_some()) {
+    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && config_of(plan, current.cell).is_some();
+    if !named && !rendered_reference {
         lines.insert(0, (3, sheet.fit(&name, look.accent())));
     }
     let lines = sheet.most_important(lines);
@@ -104,14 +106,7 @@ impl Sheet {
             }
         }
         if !current.open.device.is_empty() {
-            let open = &current.open;
-            let accel = if open.accel_nodes > 0 {
-                let (build, nodes) = (words::duration(open.accel_build_s), words::count(open.accel_nodes));
-                format!("  {nodes} BVH nodes built in {build}")
-            } else {
-                String::new()
-            };
-            lines.push((8, self.fit(&words::clean(&format!("{}{accel}", open.device)), self.look.dim())));
+            lines.push((8, self.device(&current.open)));
         }
         lines.push((1, self.speed(row)));
         lines.push((2, self.times(model, view, row)));
@@ -196,6 +191,16 @@ impl Sheet {
         self.facts(facts.into_iter().map(|fact| vec![Span::raw(fact)]).collect())
     }
 
+    fn device(&self, open: &OpenStats) -> Line<'static> {
+        let device = words::fit(&words::clean(&open.device), self.width, self.look.glyphs().ellipsis);
+        let mut facts = vec![vec![Span::styled(device, self.look.dim())]];
+        if open.accel_nodes > 0 {
+            let (build, nodes) = (words::duration(open.accel_build_s), words::count(open.accel_nodes));
+            facts.push(vec![Span::styled(format!("{nodes} BVH nodes built in {build}"), self.look.dim())]);
+        }
+        self.facts(facts)
+    }
+
     fn speed(&self, row: &WaveRow) -> Line<'static> {
         let mrays = if row.render_s > 0.0 { row.rays as f64 / row.render_s / 1e6 } else { 0.0 };
         let unit = |value: String, unit: &str| {
@@ -229,7 +234,7 @@ impl Sheet {
             (Some(State::Done(reason)), _) => (format!("done: {reason}"), look.good()),
             (Some(State::Failed(reason)), _) => (format!("failed: {reason}"), look.bad()),
             (Some(State::Interrupted), _) => ("interrupted before its end".to_owned(), look.warn()),
-            (_, Some(rule)) => (format!("until {}", words::stop_rule(rule)), look.dim()),
+            (_, Some(rule)) => (format!("until {}", rule.describe()), look.dim()),
             (_, None) => (String::new(), look.dim()),
         }
     }

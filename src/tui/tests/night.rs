@@ -102,6 +102,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         }],
         skipped: vec![Skipped { point: Vec::new(), reason: "black".to_owned() }],
         notes: Vec::new(),
+        warnings: Vec::new(),
         measure: Measure {
             every_s: 0.5,
             metrics: vec![metric("rmse"), MetricSpec::new("ssim", "ssim", ssim).unwrap(), metric("psnr")],

@@ -417,7 +417,9 @@ mod tests {
         let text = "v 0 0 0\nv 2 0 0\nv 0.1 0.1 0\nv 0 2 0\nvn 0 0 0\nvt nan 0\nl 1 2\np 1\nf 1 2\nf 2 3 4 1\nf 1//1 2 3\ncurv 0 1\ncurv 0 1\n";
         let notes = check(text).unwrap().notes;
         let all: Vec<String> = notes.iter().map(|(p, m)| format!("{p}: {m}")).collect();
-        for part in ["line 7: 2 line and point", "line 9: 1 faces with", "line 12: statements `curv`", "line 11: 1 faces where"] {
+        for part in
+            ["line 7: 2 line and point", "line 9: 1 faces with", "line 12: statements `curv`", "line 11: 1 faces where"]
+        {
             assert!(all.iter().any(|n| n.contains(part)), "{part} in {all:?}");
         }
         for part in ["normals without a direction", "texture coordinates that are not finite"] {
@@ -429,7 +431,8 @@ mod tests {
     #[test]
     fn a_concave_polygon_is_noted_unless_its_fan_is_right() {
         let dart = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\n";
-        let noted = |faces: &str| check(&format!("{dart}{faces}")).unwrap().notes.iter().any(|(_, m)| m.contains("concave"));
+        let noted =
+            |faces: &str| check(&format!("{dart}{faces}")).unwrap().notes.iter().any(|(_, m)| m.contains("concave"));
         assert!(noted("f 1 2 3 4\n"));
         assert!(!noted("f 4 1 2 3\n"), "a fan from the inner corner covers exactly the dart");
     }
