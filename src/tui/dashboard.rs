@@ -84,6 +84,9 @@ impl Dashboard {
             start,
         };
         let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(move || {
+            // Tone mapping uses rayon. With this thread as a pool of its own it stays here, instead of queueing behind
+            // the tiles of a wave, where keys would wait with it. Without such a pool it is slower, not wrong.
+            let _pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
             // A terminal that can no longer be written to is gone: nothing is lost by not drawing.
             if let Ok(Exit::Leave) = screen.run() {
                 leave_now();

@@ -27,7 +27,14 @@ fn a_night_on_the_terminal() {
     let control = Arc::new(Control::default());
     let leave = Box::new(|| std::process::exit(130));
     let mut dashboard = Dashboard::start(control.clone(), leave).expect("a terminal");
-    for (event, _) in &night.events {
+    let panics_at = night.events.len() / 2;
+    for (i, (event, _)) in night.events.iter().enumerate() {
+        if i == panics_at {
+            // The terminal is given back, the message appears, and with the next event the dashboard is there again.
+            let caught = std::panic::catch_unwind(|| panic!("on purpose: a cell panics and the night goes on"));
+            assert!(caught.is_err());
+            std::thread::sleep(Duration::from_secs(1));
+        }
         dashboard.hear(event).expect("the dashboard never fails");
         while control.paused() && !control.stop_requested() {
             std::thread::sleep(Duration::from_millis(50));
