@@ -1,0 +1,9 @@
+//! Whole screens, whole nights, keys and lines, on a made-up experiment.
+
+mod demo;
+mod fold;
+mod keys;
+mod lines;
+mod night;
+mod picture;
+mod screens;
