@@ -5,7 +5,9 @@
 
 use glam::Vec3;
 
-use super::desc::{EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, MaterialDesc, SceneDesc, ShapeDesc};
+use super::desc::{
+    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, MaterialDesc, SceneDesc, ShapeDesc,
+};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
 
@@ -177,8 +179,7 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
 
 /// The first parts of all paths, each once.
 fn heads() -> Vec<&'static str> {
-    let mut heads: Vec<&str> =
-        SCENE_PARAMS.iter().map(|row| row.path.split('.').next().unwrap_or(row.path)).collect();
+    let mut heads: Vec<&str> = SCENE_PARAMS.iter().map(|row| row.path.split('.').next().unwrap_or(row.path)).collect();
     heads.dedup();
     heads.extend(["materials", "entities"]);
     heads

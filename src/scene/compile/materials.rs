@@ -73,7 +73,8 @@ impl Bank {
                 notes.push(Note {
                     file: desc.file.clone(),
                     place: "image".to_owned(),
-                    message: "it holds values outside 0 to 1, which no surface can reflect: they are clamped".to_owned(),
+                    message: "it holds values outside 0 to 1, which no surface can reflect: they are clamped"
+                        .to_owned(),
                 });
             }
             self.textures.push(texture);

@@ -21,8 +21,10 @@ impl Texture {
     pub fn decode(desc: &TextureDesc, srgb: bool) -> Texture {
         let texels = match &desc.texels {
             Texels::Rgba8(texels) => {
-                let curve: Vec<f32> =
-                    (0..=255u8).map(|b| f32::from(b) / 255.0).map(|x| if srgb { srgb_to_linear(x) } else { x }).collect();
+                let curve: Vec<f32> = (0..=255u8)
+                    .map(|b| f32::from(b) / 255.0)
+                    .map(|x| if srgb { srgb_to_linear(x) } else { x })
+                    .collect();
                 texels.iter().map(|[r, g, b, _]| [*r, *g, *b].map(|c| curve[usize::from(c)])).collect()
             }
             Texels::RgbaF32(texels) => texels.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),

@@ -68,7 +68,12 @@ pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
         Some(row) => (row.load)(path),
         None => Err(SceneError::UnknownFormat {
             file: path.to_owned(),
-            known: FORMATS.iter().flat_map(|row| row.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", "),
+            known: FORMATS
+                .iter()
+                .flat_map(|row| row.extensions)
+                .map(|e| format!(".{e}"))
+                .collect::<Vec<_>>()
+                .join(", "),
         }),
     }
 }

@@ -72,8 +72,11 @@ fn framing_camera(points: &[Vec3]) -> CameraDesc {
     let fov_deg: f32 = 45.0;
     let (low, high) =
         points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-    let (center, radius) =
-        if points.is_empty() { (Vec3::ZERO, 1.0) } else { ((low + high) / 2.0, ((high - low).length() / 2.0).max(1e-6)) };
+    let (center, radius) = if points.is_empty() {
+        (Vec3::ZERO, 1.0)
+    } else {
+        ((low + high) / 2.0, ((high - low).length() / 2.0).max(1e-6))
+    };
     let distance = 1.1 * radius / (fov_deg.to_radians() / 2.0).sin();
     CameraDesc {
         position: center + Vec3::Z * distance,
@@ -92,8 +95,7 @@ pub(super) fn load_mesh(
     front: Front,
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
-    let malformed =
-        |place: String, problem: String| SceneError::Malformed { file: path.to_owned(), place, problem };
+    let malformed = |place: String, problem: String| SceneError::Malformed { file: path.to_owned(), place, problem };
     let bytes = read(path, MAX_OBJ_BYTES)?;
     // Names and comments in other encodings are common and harmless; numbers are ASCII in all of them.
     let checked = text::check(&String::from_utf8_lossy(&bytes))
@@ -104,8 +106,7 @@ pub(super) fn load_mesh(
         place: place.clone(),
         message: message.clone(),
     }));
-    let options =
-        tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
+    let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     let (models, _) = tobj::load_obj_buf(&mut checked.text.as_bytes(), &options, |_| Ok(Default::default()))
         .map_err(|e| malformed("whole file".to_owned(), e.to_string()))?;
     let mut builder = Builder {

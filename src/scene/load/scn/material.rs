@@ -38,7 +38,12 @@ const MASK_KEY: &str = "masktexture";
 pub(super) struct Textures(BTreeMap<PathBuf, Arc<TextureDesc>>);
 
 impl Textures {
-    fn load(&mut self, key: &str, object: &mut Object, report: &mut Report) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+    fn load(
+        &mut self,
+        key: &str,
+        object: &mut Object,
+        report: &mut Report,
+    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
         let Some((place, name)) = object.string(key, report)? else { return Ok(None) };
         let path = report.resolve(name);
         if let Some(texture) = self.0.get(&path) {
