@@ -1,1 +1,3 @@
+//! The `lumbre` program: the library's command line.
+
 fn main() {}
