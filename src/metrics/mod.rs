@@ -1,11 +1,27 @@
 //! Errors between an image and its reference. This room sees images only.
 //!
 //! One file and one row of [`METRICS`] each; columns, curves, stop rules and documentation follow from the row.
+//! Every metric sums in `f64`, and a NaN in either image makes its value NaN: a broken pixel is never averaged away.
+//!
+//! Every metric takes the option `on`, a tone map through which both images go first. Without it the metric sees
+//! linear radiance. Tone map, range and every other option are part of [`MetricSpec::identity`], since two values
+//! can be compared only when all of these agree.
 
+mod mae;
+mod mse;
+mod pixels;
+mod psnr;
+mod relmse;
+mod rmse;
+mod ssim;
 pub mod tonemap;
 
+use std::collections::BTreeMap;
+
 use crate::film::Image;
-use crate::value::schema::Table;
+use crate::value::Value;
+use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use tonemap::Tonemap;
 
 /// Whether a smaller or a larger value is the better one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,22 +40,30 @@ pub struct MetricSpec {
     /// Its row.
     pub row: &'static MetricRow,
     /// Options, checked against the row's schema, with defaults not filled in.
-    pub options: std::collections::BTreeMap<String, crate::value::Value>,
+    pub options: BTreeMap<String, Value>,
 }
 
 /// One row of [`METRICS`].
 pub struct MetricRow {
     /// The short name in scripts and columns.
     pub name: &'static str,
+    /// The short name as papers print it.
+    pub label: &'static str,
     /// The long name that stands beside it in plots.
     pub long_name: &'static str,
+    /// Unit of its value on linear images, empty if it has none: `radiance`, `radiance²`, `dB`.
+    pub unit: &'static str,
     /// Definition and source in a sentence.
     pub doc: &'static str,
     /// Direction.
     pub better: Better,
-    /// Options in scripts.
+    /// Its value for two equal images: 0 for errors, 1 or infinity where higher is better.
+    pub perfect: f64,
+    /// Options in scripts. A default is written as its value, so that it is also what runs.
     pub options: Table,
-    /// Computes it: image, reference, options.
+    /// Fewest pixels along each side of an image that it can measure, given the options.
+    pub smallest: fn(&MetricSpec) -> u32,
+    /// Computes it: image, reference, options. The images are of one size, not too small, and already tone-mapped.
     pub eval: fn(&Image, &Image, &MetricSpec) -> f64,
 }
 
@@ -66,10 +90,41 @@ pub enum MetricError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
+    /// The images are smaller than what the metric looks at together.
+    #[error(
+        "`{metric}` needs at least {smallest}x{smallest} pixels but the image is {}x{}: render a larger one or leave the metric out",
+        image[0], image[1]
+    )]
+    TooSmall {
+        /// Name of the metric.
+        metric: &'static str,
+        /// Fewest pixels along each side.
+        smallest: u32,
+        /// Width and height of the image.
+        image: [u32; 2],
+    },
 }
 
 /// Every metric there is.
-pub const METRICS: &[MetricRow] = &[];
+pub const METRICS: &[MetricRow] = &[mse::ROW, rmse::ROW, mae::ROW, relmse::ROW, psnr::ROW, ssim::ROW];
+
+/// The option that every metric has.
+const ON: Field = Field {
+    key: "on",
+    ty: Ty::Any("Tonemap"),
+    required: false,
+    default: "linear radiance, no tone map",
+    doc: "tone map applied to the image and to the reference first",
+};
+
+/// The option of metrics that know a largest possible value.
+const RANGE: Field = Field {
+    key: "range",
+    ty: Ty::Num { min: 1e-6, max: f64::MAX },
+    required: false,
+    default: "1",
+    doc: "largest value minus smallest value that a channel can have; 1 for display values",
+};
 
 /// The row with this name.
 pub fn metric(name: &str) -> Option<&'static MetricRow> {
@@ -77,17 +132,155 @@ pub fn metric(name: &str) -> Option<&'static MetricRow> {
 }
 
 impl MetricSpec {
-    /// Computes the metric.
+    /// The metric `name` with these options, shown in the column `column`.
     ///
     /// # Errors
-    /// When the sizes differ.
-    pub fn eval(&self, image: &Image, reference: &Image) -> Result<f64, MetricError> {
-        if (image.width, image.height) != (reference.width, reference.height) {
-            return Err(MetricError::Size {
-                image: [image.width, image.height],
-                reference: [reference.width, reference.height],
-            });
+    /// An unknown metric, or an option that its row does not know or does not allow; paths begin with the column.
+    pub fn new(column: &str, name: &str, options: BTreeMap<String, Value>) -> Result<MetricSpec, SchemaError> {
+        let row = metric(name).ok_or_else(|| unknown_name(column, name, "metric", METRICS.iter().map(|m| m.name)))?;
+        row.options.check(column, &options)?;
+        if let Some(on) = options.get(ON.key) {
+            Tonemap::from_value(&format!("{column}.{}", ON.key), on)?;
         }
-        Ok((self.row.eval)(image, reference, self))
+        Ok(MetricSpec { column: column.to_owned(), row, options })
+    }
+
+    /// Computes the metric, through its tone map if it has one.
+    ///
+    /// # Errors
+    /// When the sizes differ, or the images are smaller than the metric's window.
+    pub fn eval(&self, image: &Image, reference: &Image) -> Result<f64, MetricError> {
+        let size = [image.width, image.height];
+        if size != [reference.width, reference.height] {
+            return Err(MetricError::Size { image: size, reference: [reference.width, reference.height] });
+        }
+        let smallest = (self.row.smallest)(self);
+        if size.into_iter().any(|side| side < smallest) {
+            return Err(MetricError::TooSmall { metric: self.row.name, smallest, image: size });
+        }
+        Ok(match self.tonemap() {
+            Some(on) => (self.row.eval)(&on.apply(image), &on.apply(reference), self),
+            None => (self.row.eval)(image, reference, self),
+        })
+    }
+
+    /// The tone map of the option `on`; `None` is linear radiance.
+    pub fn tonemap(&self) -> Option<Tonemap> {
+        self.options.get(ON.key).and_then(|on| Tonemap::from_value(ON.key, on).ok())
+    }
+
+    /// Everything that decides the value, with defaults filled in. The column's name is not part of it.
+    pub fn identity(&self) -> Value {
+        let mut options = BTreeMap::new();
+        for field in self.row.options.fields.iter().filter(|f| f.key != ON.key) {
+            if let Some(value) = self.option(field.key) {
+                options.insert(field.key.to_owned(), value);
+            }
+        }
+        if let Some(on) = self.tonemap() {
+            options.insert(ON.key.to_owned(), on.to_value());
+        }
+        Value::Map(BTreeMap::from([
+            ("metric".to_owned(), Value::from(self.row.name)),
+            ("options".to_owned(), Value::Map(options)),
+        ]))
+    }
+
+    /// The unit of the value, empty if it has none; radiance becomes display value behind a tone map.
+    pub fn unit(&self) -> String {
+        match self.tonemap() {
+            Some(_) => self.row.unit.replace("radiance", "display value"),
+            None => self.row.unit.to_owned(),
+        }
+    }
+
+    /// The options in words, for captions: `range 1, window uniform, on reinhard (exposure 0, gamma 2.2)`.
+    pub fn describe_options(&self) -> String {
+        let shown = self.row.options.fields.iter().filter(|f| f.key != ON.key);
+        let mut words: Vec<String> =
+            shown.filter_map(|f| self.option(f.key).map(|v| format!("{} {v}", f.key))).collect();
+        words.extend(self.tonemap().map(|on| format!("on {on}")));
+        words.join(", ")
+    }
+
+    /// The value of an option: what the script said, or else its row's default.
+    fn option(&self, key: &str) -> Option<Value> {
+        let default = || default_of(self.row.options.fields.iter().find(|f| f.key == key)?);
+        self.options.get(key).cloned().or_else(default)
+    }
+
+    /// A numeric option; NaN if the row has none of this name.
+    fn number(&self, key: &str) -> f64 {
+        self.option(key).and_then(|v| v.as_f64()).unwrap_or(f64::NAN)
+    }
+
+    /// Whether an option of words is this one.
+    fn says(&self, key: &str, word: &str) -> bool {
+        self.option(key).is_some_and(|v| v.as_str() == Some(word))
+    }
+}
+
+/// The default that a field documents, as a value.
+fn default_of(field: &Field) -> Option<Value> {
+    match field.ty {
+        Ty::Num { .. } => field.default.parse().ok().map(Value::number),
+        Ty::Word(words) => words.iter().find(|w| **w == field.default).map(|w| Value::from(*w)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_documented_default_is_one_that_its_own_schema_allows() {
+        for row in METRICS {
+            for field in row.options.fields.iter().filter(|f| f.key != ON.key) {
+                let default =
+                    default_of(field).unwrap_or_else(|| panic!("{}.{}: {}", row.name, field.key, field.default));
+                field.ty.check(row.name, field.key, &default).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn unknown_names_get_the_nearest_one() {
+        let e = MetricSpec::new("noise", "rmsee", BTreeMap::new()).unwrap_err();
+        assert_eq!(e.to_string(), "noise: unknown metric `rmsee` (did you mean `rmse`?)");
+        let e = MetricSpec::new("ssim", "ssim", BTreeMap::from([("rnage".to_owned(), Value::Int(1))])).unwrap_err();
+        assert_eq!((e.path.as_str(), e.help.as_deref()), ("ssim.rnage", Some("did you mean `range`?")));
+        let on = Value::Map(BTreeMap::from([("kind".to_owned(), "rienhard".into())]));
+        let e = MetricSpec::new("ssim", "ssim", BTreeMap::from([("on".to_owned(), on)])).unwrap_err();
+        assert_eq!((e.path.as_str(), e.help.as_deref()), ("ssim.on", Some("did you mean `reinhard`?")));
+    }
+
+    #[test]
+    fn identity_fills_in_defaults_and_tells_options_apart_but_not_columns() {
+        let spec = |column: &str, options: &[(&str, Value)]| {
+            let options = options.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect();
+            MetricSpec::new(column, "ssim", options).unwrap().identity()
+        };
+        let srgb = |exposure: f64| {
+            Value::Map(BTreeMap::from([
+                ("kind".to_owned(), Value::from("srgb")),
+                ("exposure".to_owned(), Value::number(exposure)),
+            ]))
+        };
+        let plain = spec("a", &[]);
+        assert_eq!(plain.to_string(), "{metric = ssim, options = {range = 1, window = uniform}}");
+        assert_eq!(plain, spec("b", &[("range", Value::Int(1))]));
+        assert_ne!(plain, spec("a", &[("range", Value::Int(2))]));
+        assert_ne!(plain, spec("a", &[("on", srgb(0.0))]));
+        assert_ne!(spec("a", &[("on", srgb(0.0))]), spec("a", &[("on", srgb(1.0))]));
+    }
+
+    #[test]
+    fn units_follow_the_tone_map() {
+        let on = Value::Map(BTreeMap::from([("kind".to_owned(), "srgb".into())]));
+        let display = MetricSpec::new("m", "mse", BTreeMap::from([("on".to_owned(), on)])).unwrap();
+        assert_eq!(display.unit(), "display value²");
+        assert_eq!(display.describe_options(), "on srgb (exposure 0)");
+        assert_eq!(MetricSpec::new("m", "mse", BTreeMap::new()).unwrap().unit(), "radiance²");
     }
 }

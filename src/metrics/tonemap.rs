@@ -1,5 +1,14 @@
 //! Tone maps: from linear radiance to display values in 0..=1.
 
+use std::collections::BTreeMap;
+use std::fmt;
+
+use rayon::prelude::*;
+
+use crate::film::Image;
+use crate::value::Value;
+use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+
 /// A named tone map with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tonemap {
@@ -15,4 +24,188 @@ pub enum Tonemap {
         /// Display gamma.
         gamma: f32,
     },
+}
+
+const EXPOSURE: Field = Field {
+    key: "exposure",
+    ty: Ty::Num { min: -64.0, max: 64.0 },
+    required: false,
+    default: "0",
+    doc: "stops: radiance is multiplied by 2^exposure first",
+};
+
+const GAMMA: Field = Field {
+    key: "gamma",
+    ty: Ty::Num { min: 0.1, max: 10.0 },
+    required: false,
+    default: "2.2",
+    doc: "display gamma: values are raised to 1 / gamma last",
+};
+
+/// Every tone map there is: its name in scripts, and its parameters there (the key `kind` is the name itself).
+pub const TONEMAPS: &[(&str, Table)] = &[
+    (
+        "srgb",
+        Table {
+            name: "SrgbParams",
+            doc: "Multiply by 2^exposure, clamp to 0..1, apply the sRGB transfer curve [IEC 61966-2-1].",
+            fields: &[EXPOSURE],
+        },
+    ),
+    (
+        "reinhard",
+        Table {
+            name: "ReinhardParams",
+            doc: "Multiply by 2^exposure, then (y / (1 + y))^(1 / gamma) per channel [Reinhard 2002].",
+            fields: &[EXPOSURE, GAMMA],
+        },
+    ),
+];
+
+impl Tonemap {
+    /// The tone map that a map with the key `kind` and the tone map's parameters says.
+    ///
+    /// # Errors
+    /// Anything but such a map, an unknown kind, or a parameter that the kind does not know or allow; paths begin
+    /// with `path`.
+    pub fn from_value(path: &str, value: &Value) -> Result<Tonemap, SchemaError> {
+        let kind = value.as_map().and_then(|map| map.get("kind")).and_then(Value::as_str);
+        let (Some(map), Some(kind)) = (value.as_map(), kind) else {
+            return Err(SchemaError {
+                path: path.to_owned(),
+                problem: format!("expected a tone map, found {} `{value}`", value.kind()),
+                help: Some(format!("known tone maps: {}", names().collect::<Vec<_>>().join(", "))),
+                key: path.rsplit('.').next().unwrap_or(path).to_owned(),
+            });
+        };
+        let Some((_, table)) = TONEMAPS.iter().find(|(name, _)| *name == kind) else {
+            return Err(unknown_name(path, kind, "tone map", names()));
+        };
+        let params: BTreeMap<String, Value> =
+            map.iter().filter(|(key, _)| *key != "kind").map(|(k, v)| (k.clone(), v.clone())).collect();
+        table.check(path, &params)?;
+        let get = |field: Field| -> f32 {
+            let given = params.get(field.key).and_then(Value::as_f64).map(|x| x as f32);
+            given.or_else(|| field.default.parse().ok()).unwrap_or(f32::NAN)
+        };
+        Ok(match kind {
+            "srgb" => Tonemap::Srgb { exposure: get(EXPOSURE) },
+            _ => Tonemap::Reinhard { exposure: get(EXPOSURE), gamma: get(GAMMA) },
+        })
+    }
+
+    /// Its name and all its parameters, as [`Tonemap::from_value`] reads them.
+    pub fn to_value(&self) -> Value {
+        let params = self.params().map(|(key, x)| (key.to_owned(), decimal(x)));
+        Value::Map(params.chain([("kind".to_owned(), self.name().into())]).collect())
+    }
+
+    /// Its name in scripts.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Tonemap::Srgb { .. } => "srgb",
+            Tonemap::Reinhard { .. } => "reinhard",
+        }
+    }
+
+    fn params(&self) -> impl Iterator<Item = (&'static str, f32)> {
+        let (exposure, gamma) = match *self {
+            Tonemap::Srgb { exposure } => (exposure, None),
+            Tonemap::Reinhard { exposure, gamma } => (exposure, Some(gamma)),
+        };
+        [Some((EXPOSURE.key, exposure)), gamma.map(|g| (GAMMA.key, g))].into_iter().flatten()
+    }
+
+    /// Display values in 0..=1 of an image of linear radiance. Negative radiance becomes 0, infinite 1; NaN stays NaN.
+    pub fn apply(&self, image: &Image) -> Image {
+        let mut data = image.data.clone();
+        let rows = data.par_chunks_mut((image.width as usize).max(1));
+        match *self {
+            Tonemap::Srgb { exposure } => {
+                let scale = exposure.exp2();
+                rows.for_each(|row| row.as_flattened_mut().iter_mut().for_each(|x| *x = srgb(*x * scale)));
+            }
+            Tonemap::Reinhard { exposure, gamma } => {
+                let (scale, power) = (exposure.exp2(), 1.0 / gamma);
+                rows.for_each(|row| row.as_flattened_mut().iter_mut().for_each(|x| *x = reinhard(*x * scale, power)));
+            }
+        }
+        Image { width: image.width, height: image.height, data }
+    }
+}
+
+impl fmt::Display for Tonemap {
+    /// The form in captions: `reinhard (exposure 0, gamma 2.2)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let params: Vec<String> = self.params().map(|(key, x)| format!("{key} {x}")).collect();
+        write!(f, "{} ({})", self.name(), params.join(", "))
+    }
+}
+
+fn names() -> impl Iterator<Item = &'static str> {
+    TONEMAPS.iter().map(|(name, _)| *name)
+}
+
+/// The shortest decimal that means this `f32`, so that 2.2 is written 2.2 and not 2.200000047683716.
+fn decimal(x: f32) -> Value {
+    Value::number(x.to_string().parse().unwrap_or(f64::from(x)))
+}
+
+/// The sRGB transfer curve [IEC 61966-2-1] after a clamp to 0..=1.
+fn srgb(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+fn reinhard(x: f32, power: f32) -> f32 {
+    let x = x.clamp(0.0, f32::MAX);
+    (x / (1.0 + x)).powf(power)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(pairs: &[(&str, Value)]) -> Value {
+        Value::Map(pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect())
+    }
+
+    #[test]
+    fn values_round_trip_with_defaults_filled_in() {
+        let reinhard = Tonemap::from_value("on", &map(&[("kind", "reinhard".into())])).unwrap();
+        assert_eq!(reinhard, Tonemap::Reinhard { exposure: 0.0, gamma: 2.2 });
+        assert_eq!(reinhard.to_value().to_string(), "{exposure = 0, gamma = 2.2, kind = reinhard}");
+        for (name, _) in TONEMAPS {
+            let tonemap =
+                Tonemap::from_value("on", &map(&[("kind", (*name).into()), ("exposure", 0.1.into())])).unwrap();
+            assert_eq!(tonemap.name(), *name);
+            assert_eq!(Tonemap::from_value("on", &tonemap.to_value()).unwrap(), tonemap);
+        }
+    }
+
+    #[test]
+    fn wrong_tone_maps_are_explained() {
+        let e = Tonemap::from_value("measure.display", &Value::Int(3)).unwrap_err();
+        assert_eq!((e.path.as_str(), e.key.as_str()), ("measure.display", "display"));
+        assert!(e.problem.contains("an integer `3`"), "{e}");
+        let e = Tonemap::from_value("on", &map(&[("kind", "srgb".into()), ("gamma", 2.2.into())])).unwrap_err();
+        assert_eq!(e.path, "on.gamma");
+        let e = Tonemap::from_value("on", &map(&[("kind", "reinhard".into()), ("gamma", 0.0.into())])).unwrap_err();
+        assert!(e.problem.contains("between 0.1 and 10"), "{e}");
+    }
+
+    #[test]
+    fn known_values_and_limits() {
+        let one = |tonemap: Tonemap, x: f32| tonemap.apply(&Image::from_fn(1, 1, |_, _| [x; 3])).at(0, 0)[1];
+        let srgb = Tonemap::Srgb { exposure: 1.0 };
+        // Linear 0.5 is 0.735357 in sRGB.
+        assert!((one(srgb, 0.25) - 0.735_357).abs() < 1e-5);
+        let reinhard = Tonemap::Reinhard { exposure: 0.0, gamma: 2.0 };
+        assert!((one(reinhard, 1.0) - 0.5f32.sqrt()).abs() < 1e-6);
+        for tonemap in [srgb, reinhard] {
+            assert_eq!(one(tonemap, -1.0), 0.0);
+            assert!((one(tonemap, f32::INFINITY) - 1.0).abs() < 1e-6);
+            assert!(one(tonemap, f32::NAN).is_nan());
+        }
+    }
 }

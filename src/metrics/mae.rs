@@ -1,0 +1,18 @@
+//! Mean absolute error.
+
+use super::{Better, MetricRow, ON, pixels};
+use crate::value::schema::Table;
+
+/// The row of `mae`.
+pub const ROW: MetricRow = MetricRow {
+    name: "mae",
+    label: "MAE",
+    long_name: "mean absolute error",
+    unit: "radiance",
+    doc: "Mean over pixels and channels of |i - r|.",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table { name: "MaeOptions", doc: "Options of `mae`.", fields: &[ON] },
+    smallest: |_| 1,
+    eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r).abs()),
+};

@@ -1,0 +1,18 @@
+//! Mean squared error.
+
+use super::{Better, MetricRow, ON, pixels};
+use crate::value::schema::Table;
+
+/// The row of `mse`.
+pub const ROW: MetricRow = MetricRow {
+    name: "mse",
+    label: "MSE",
+    long_name: "mean squared error",
+    unit: "radiance²",
+    doc: "Mean over pixels and channels of (i - r)².",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table { name: "MseOptions", doc: "Options of `mse`.", fields: &[ON] },
+    smallest: |_| 1,
+    eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)),
+};

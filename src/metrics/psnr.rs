@@ -1,0 +1,22 @@
+//! Peak signal-to-noise ratio.
+
+use super::{Better, MetricRow, ON, RANGE, pixels};
+use crate::value::schema::Table;
+
+/// The row of `psnr`.
+pub const ROW: MetricRow = MetricRow {
+    name: "psnr",
+    label: "PSNR",
+    long_name: "peak signal-to-noise ratio",
+    unit: "dB",
+    doc: "10 log10(range² / mse); infinite for equal images.",
+    better: Better::Higher,
+    perfect: f64::INFINITY,
+    options: Table { name: "PsnrOptions", doc: "Options of `psnr`.", fields: &[RANGE, ON] },
+    smallest: |_| 1,
+    eval: |image, reference, spec| {
+        let range = spec.number(RANGE.key);
+        let mse = pixels::mean(image, reference, |i, r| (i - r) * (i - r));
+        10.0 * (range * range / mse).log10()
+    },
+};

@@ -1,0 +1,18 @@
+//! Root mean square error.
+
+use super::{Better, MetricRow, ON, pixels};
+use crate::value::schema::Table;
+
+/// The row of `rmse`.
+pub const ROW: MetricRow = MetricRow {
+    name: "rmse",
+    label: "RMSE",
+    long_name: "root mean square error",
+    unit: "radiance",
+    doc: "Square root of `mse`.",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table { name: "RmseOptions", doc: "Options of `rmse`.", fields: &[ON] },
+    smallest: |_| 1,
+    eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)).sqrt(),
+};

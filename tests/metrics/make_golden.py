@@ -1,0 +1,125 @@
+"""Writes golden.json: small seeded image pairs and what numpy and scikit-image say about them.
+
+The Rust tests read only golden.json; run this again (with numpy and scikit-image installed) to change the images:
+
+    python tests/metrics/make_golden.py
+
+Pixels are whole multiples of 1/1024, so that they are exact in 32-bit floats and short in JSON.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import skimage
+from skimage.metrics import structural_similarity
+
+STEPS = 1024
+WIDTH, HEIGHT = 24, 20
+
+
+def quantise(image):
+    return np.rint(image * STEPS).astype(np.int64)
+
+
+def smooth(rng):
+    """A soft gradient with a hard edge, a dark corner and some texture, in 0..1."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH] / [[[HEIGHT]], [[WIDTH]]]
+    base = 0.15 + 0.5 * x + 0.25 * np.sin(7.0 * y)
+    base = np.where((x > 0.55) & (y > 0.4), 0.85 - base, base)
+    tint = rng.uniform(0.6, 1.0, 3)
+    image = base[..., None] * tint + rng.normal(0.0, 0.02, (HEIGHT, WIDTH, 3))
+    image[:6, :6] *= 0.01
+    return np.clip(image, 0.0, 1.0)
+
+
+def ldr_pair(rng):
+    reference = smooth(rng)
+    return np.clip(reference + rng.normal(0.0, 0.06, reference.shape), 0.0, 1.0), reference
+
+
+def hdr_pair(rng):
+    """Radiance up to about 50 with a lamp, and multiplicative noise with a few bright outliers."""
+    reference = 4.0 * smooth(rng) ** 2
+    reference[2:5, 10:14] = [45.0, 38.0, 26.0]
+    image = reference * rng.gamma(4.0, 0.25, reference.shape)
+    image[rng.integers(0, HEIGHT, 5), rng.integers(0, WIDTH, 5)] += 20.0
+    return image, reference
+
+
+def blurred_pair(rng):
+    """The same mean, less structure."""
+    reference = smooth(rng)
+    padded = np.pad(reference, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    shifts = [padded[i : i + HEIGHT, j : j + WIDTH] for i in range(3) for j in range(3)]
+    return np.mean(shifts, axis=0), reference
+
+
+def srgb(x):
+    x = np.clip(x, 0.0, 1.0)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(x, 1.0 / 2.4) - 0.055)
+
+
+def reinhard(x, exposure, gamma):
+    x = np.maximum(x, 0.0) * 2.0**exposure
+    return np.power(x / (1.0 + x), 1.0 / gamma)
+
+
+def ssim(image, reference, data_range, **window):
+    return float(structural_similarity(image, reference, data_range=data_range, channel_axis=2, **window))
+
+
+UNIFORM = dict(gaussian_weights=False, win_size=7, use_sample_covariance=True)
+GAUSS = dict(gaussian_weights=True, sigma=1.5, use_sample_covariance=False)
+
+
+def expected(image, reference, data_range):
+    difference = image - reference
+    mse = float(np.mean(difference**2))
+    tone = lambda x: reinhard(x, 0.5, 2.2)
+    return {
+        "mse": mse,
+        "rmse": math.sqrt(mse),
+        "mae": float(np.mean(np.abs(difference))),
+        "relmse": float(np.mean(difference**2 / (reference**2 + 0.01))),
+        "relmse_eps_1": float(np.mean(difference**2 / (reference**2 + 1.0))),
+        "psnr": 10.0 * math.log10(data_range**2 / mse),
+        "ssim_uniform": ssim(image, reference, data_range, **UNIFORM),
+        "ssim_gauss": ssim(image, reference, data_range, **GAUSS),
+        "mse_on_srgb": float(np.mean((srgb(image) - srgb(reference)) ** 2)),
+        "ssim_uniform_on_reinhard": ssim(tone(image), tone(reference), 1.0, **UNIFORM),
+        "ssim_gauss_on_reinhard": ssim(tone(image), tone(reference), 1.0, **GAUSS),
+    }
+
+
+def main():
+    pairs = []
+    for name, seed, data_range, make in [
+        ("ldr", 11, 1.0, ldr_pair),
+        ("hdr", 12, 45.0, hdr_pair),
+        ("blurred", 13, 1.0, blurred_pair),
+    ]:
+        image, reference = (quantise(i) for i in make(np.random.default_rng(seed)))
+        pairs.append(
+            {
+                "name": name,
+                "range": data_range,
+                "image": image.ravel().tolist(),
+                "reference": reference.ravel().tolist(),
+                "expected": expected(image / STEPS, reference / STEPS, data_range),
+            }
+        )
+    golden = {
+        "made_by": f"make_golden.py with numpy {np.__version__}, scikit-image {skimage.__version__}",
+        "width": WIDTH,
+        "height": HEIGHT,
+        "steps": STEPS,
+        "pairs": pairs,
+    }
+    path = Path(__file__).with_name("golden.json")
+    path.write_text(json.dumps(golden, separators=(",", ":")).replace('{"name"', '\n{"name"') + "\n")
+
+
+if __name__ == "__main__":
+    main()
