@@ -1,1 +1,9 @@
-//! Room `math`.
+//! Mathematics without light: frames, warps, random numbers, distributions and the statistics of tests.
+
+pub mod distribution;
+pub mod frame;
+pub mod rng;
+pub mod stats;
+pub mod warp;
+
+pub use frame::Frame;

@@ -1,3 +1,49 @@
-//! How light moves.
+//! How light moves: cameras, BSDFs, lights, samplers and integrators over a compiled scene.
+//!
+//! # Conventions
+//! - Radiance is linear sRGB in scene units; lengths are scene units; angles radians.
+//! - `wo` points to where the path came from, `wi` to where it goes next; both leave the surface and are unit vectors.
+//! - `f` is a BSDF value without the cosine; a density per solid angle has the suffix `_w`, per area `_a`.
+//! - `n_geometric` is the side that the corners' order makes the front, never flipped; `n_shading` is the interpolated
+//!   normal on the same side.
+//! - A path's depth `k` counts its edges from camera to light: 1 is emission seen directly, 2 direct light.
+//!   `max_depth` bounds `k`, the same for every integrator.
+//! - Emission is one-sided, along the geometric normal. Where a material says that its emitters do not reflect, a path
+//!   that hits one ends there, whichever side it hits.
+//! - Radiance carried along camera paths is scaled by the squared ratio of indices at refraction, importance along
+//!   light paths is not [Veach 1997, 5.2].
+//!
+//! # Symbols
+//! | source | here |
+//! |---|---|
+//! | omega_o, omega_i | `wo`, `wi` |
+//! | beta, path throughput | `throughput` |
+//! | f_r, f_t | [`bsdf::Bsdf::eval`] |
+//! | p(omega) | `pdf_w` |
+//! | p(x) | `pdf_a` |
+//! | eta = n_i / n_t | `eta` |
+//! | k | [`contribution::Contribution::depth`] |
+//!
+//! # Bibliography
+//! [Kajiya 1986] The Rendering Equation. [Veach 1997] Robust Monte Carlo Methods for Light Transport Simulation.
+//! [Duff et al. 2017] Building an Orthonormal Basis, Revisited. [Jarzynski & Olano 2020] Hash Functions for GPU
+//! Rendering. [Waechter & Binder 2019] A Fast and Robust Method for Avoiding Self-Intersection. [Woop et al. 2013]
+//! Watertight Ray/Triangle Intersection. [Haines et al. 2019] Precision Improvements for Ray/Sphere Intersection.
+//! [Burley 2015] Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering. [Schlick 1994] An
+//! Inexpensive BRDF Model for Physically-based Rendering. [Heitz 2019] A Low-Distortion Map Between Triangle and Square.
+//! [Giles 2010] Approximating the erfinv Function.
+
+pub mod bsdf;
 pub mod camera;
+pub mod contribution;
 pub mod integrator;
+pub mod light;
+pub mod ray;
+pub mod sampler;
+pub mod surface;
+
+/// A hit where the mask texture's red channel is below this is no hit (annex A of the `.scn` format).
+pub const MASK_THRESHOLD: f32 = 0.5;
+
+/// Russian roulette never lets a path survive with a probability above this, so that every path ends.
+pub const MAX_SURVIVAL: f32 = 0.95;

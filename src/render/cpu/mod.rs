@@ -1,10 +1,20 @@
-//! The CPU backend.
-use super::{BackendRow, RenderError};
+//! The CPU backend: the default that needs nothing else, and the oracle of the others.
+//!
+//! [`accel`] holds the hierarchy and the one traversal loop, [`renderer`] the one loop over pixels and samples.
+
+pub mod accel;
+mod intersect;
+pub mod renderer;
+
+use super::BackendRow;
 
 /// The row of this backend.
 pub const ROW: BackendRow = BackendRow {
     name: "cpu",
     doc: "All cores of this machine; needs nothing else, and is the oracle of the others.",
-    probe: || Ok("cpu".into()),
-    open: |_, _| Err(RenderError::Failed { backend: "cpu", reason: "not built yet".into() }),
+    probe: || {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(format!("{threads} hardware threads"))
+    },
+    open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
 };

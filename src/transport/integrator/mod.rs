@@ -1,6 +1,38 @@
 //! Integrators: ways of finding the light that reaches a pixel, one file and one table row each.
 
+pub mod bpt;
+
+use std::collections::BTreeMap;
+
+use super::camera::Camera;
+use super::contribution::Contribution;
+use super::light::Lights;
+use super::ray::Trace;
+use super::sampler::Sampler;
+use crate::scene::CompiledScene;
+use crate::value::Value;
 use crate::value::schema::Table;
+
+/// Everything that stays the same from sample to sample.
+pub struct Context<'a> {
+    /// The scene.
+    pub scene: &'a CompiledScene,
+    /// The camera, ready for the picture's resolution and filter.
+    pub camera: &'a Camera,
+    /// The lights.
+    pub lights: &'a Lights,
+    /// Whatever intersects rays.
+    pub trace: &'a dyn Trace,
+    /// Greatest number of path edges: 1 = emission only, 2 = direct light.
+    pub max_depth: u32,
+    /// First path edge after which Russian roulette may end a path; `None` is never.
+    pub rr_start: Option<u32>,
+    /// The integrator's own parameters, checked against its row.
+    pub params: &'a BTreeMap<String, Value>,
+}
+
+/// Hands every contribution of one sample of one pixel to the sink.
+pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
 
 /// One row of [`INTEGRATORS`].
 #[derive(Debug)]
@@ -15,16 +47,12 @@ pub struct IntegratorRow {
     pub doc: &'static str,
     /// Its own parameters in a script's `render` table.
     pub params: Table,
+    /// One sample of one pixel on the CPU.
+    pub sample: SampleFn,
 }
 
 /// Every integrator there is.
-pub const INTEGRATORS: &[IntegratorRow] = &[IntegratorRow {
-    name: "bpt",
-    long_name: "backward path tracing",
-    revision: 1,
-    doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
-    params: Table { name: "BptParams", doc: "Parameters of `bpt`: none.", fields: &[] },
-}];
+pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW];
 
 /// The row with this name.
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {

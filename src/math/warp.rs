@@ -1,0 +1,128 @@
+//! Maps from the unit square to directions and surfaces, each with its density.
+
+use std::f32::consts::{FRAC_PI_4, PI, TAU};
+
+use glam::{Vec2, Vec3};
+
+/// A point of the unit disk, area-preserving and nearly conformal [Shirley & Chiu 1997].
+#[inline]
+pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
+    let a = 2.0 * u[0] - 1.0;
+    let b = 2.0 * u[1] - 1.0;
+    if a == 0.0 && b == 0.0 {
+        return Vec2::ZERO;
+    }
+    let (r, phi) =
+        if a.abs() > b.abs() { (a, FRAC_PI_4 * (b / a)) } else { (b, 2.0 * FRAC_PI_4 - FRAC_PI_4 * (a / b)) };
+    let (sin, cos) = phi.sin_cos();
+    Vec2::new(r * cos, r * sin)
+}
+
+/// A direction of the upper hemisphere with density `cos / pi` per solid angle (Malley's method).
+#[inline]
+pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
+    let d = concentric_disk(u);
+    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`cosine_hemisphere`] per solid angle.
+#[inline]
+pub fn cosine_hemisphere_pdf_w(cos_theta: f32) -> f32 {
+    cos_theta.max(0.0) / PI
+}
+
+/// A direction of the whole sphere with density `1 / (4 pi)`.
+#[inline]
+pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
+    let z = 1.0 - 2.0 * u[0];
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = (TAU * u[1]).sin_cos();
+    Vec3::new(r * cos, r * sin, z)
+}
+
+/// Barycentric weights of the second and third corner of a triangle, uniform over its area [Heitz 2019].
+#[inline]
+pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
+    if u[1] > u[0] {
+        let x = u[0] * 0.5;
+        [x, u[1] - x]
+    } else {
+        let y = u[1] * 0.5;
+        [u[0] - y, y]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng;
+    use crate::math::stats::chi_square_p;
+
+    /// Chi-square of a warp's points against expected cell masses; four tests here, significance 0.001 split.
+    fn check(n_cells: usize, cell_of: impl Fn([f32; 2]) -> usize, mass: impl Fn(usize) -> f64) {
+        let n = 200_000u32;
+        let mut observed = vec![0.0; n_cells];
+        for i in 0..n {
+            let w = rng::pcg4d([i, 5, 77, 3]);
+            observed[cell_of([rng::unit(w[0]), rng::unit(w[1])])] += 1.0;
+        }
+        let expected: Vec<f64> = (0..n_cells).map(|c| mass(c) * f64::from(n)).collect();
+        let p = chi_square_p(&observed, &expected, 0);
+        assert!(p > 0.001 / 4.0, "p = {p}");
+    }
+
+    #[test]
+    fn disk_is_uniform() {
+        let cell = |u: [f32; 2]| {
+            let d = concentric_disk(u);
+            let ring = ((d.length_squared() * 8.0) as usize).min(7);
+            let sector = (((d.y.atan2(d.x) + PI) / TAU * 16.0) as usize).min(15);
+            ring * 16 + sector
+        };
+        check(128, cell, |_| 1.0 / 128.0);
+    }
+
+    #[test]
+    fn hemisphere_follows_the_cosine() {
+        // Mass of a band of cosines [a, b] is b^2 - a^2.
+        let cell = |u: [f32; 2]| {
+            let w = cosine_hemisphere(u);
+            let band = ((w.z * 10.0) as usize).min(9);
+            let sector = (((w.y.atan2(w.x) + PI) / TAU * 8.0) as usize).min(7);
+            band * 8 + sector
+        };
+        let mass = |c: usize| {
+            let band = (c / 8) as f64;
+            (((band + 1.0) / 10.0).powi(2) - (band / 10.0).powi(2)) / 8.0
+        };
+        check(80, cell, mass);
+        assert!((cosine_hemisphere_pdf_w(1.0) - 1.0 / PI).abs() < 1e-7);
+        assert_eq!(cosine_hemisphere_pdf_w(-0.5), 0.0);
+    }
+
+    #[test]
+    fn sphere_is_uniform() {
+        let cell = |u: [f32; 2]| {
+            let w = uniform_sphere(u);
+            let band = (((w.z + 1.0) * 5.0) as usize).min(9);
+            let sector = (((w.y.atan2(w.x) + PI) / TAU * 8.0) as usize).min(7);
+            band * 8 + sector
+        };
+        check(80, cell, |_| 1.0 / 80.0);
+    }
+
+    #[test]
+    fn triangle_is_uniform() {
+        // Cells: the 64 small triangles of an 8 x 8 subdivision.
+        let cell = |u: [f32; 2]| {
+            let [b1, b2] = uniform_triangle(u);
+            let (x, y) = (b1 * 8.0, b2 * 8.0);
+            let (i, j) = ((x as usize).min(7), (y as usize).min(7));
+            let upper = usize::from(x.fract() + y.fract() > 1.0);
+            // Rows of shrinking length: row j has 2 * (8 - j) - 1 cells.
+            let before: usize = (0..j).map(|r| 2 * (8 - r) - 1).sum();
+            before + (2 * i + upper).min(2 * (8 - j) - 2)
+        };
+        check(64, cell, |_| 1.0 / 64.0);
+    }
+}

@@ -1,0 +1,70 @@
+//! Ideal specular reflection and refraction at a smooth dielectric.
+
+use glam::Vec3;
+
+use super::{LobeSample, Mode, fresnel};
+
+/// Reflection or refraction, chosen by `u` with the Fresnel reflectance as probability, and that probability.
+///
+/// What passes is tinted by the square root of the base colour, so that a path which enters and leaves a body carries
+/// the base colour once [Burley 2015, 5.3]; what is reflected is not tinted. `None` where refraction has no direction.
+#[inline]
+pub fn sample(base_color: Vec3, ior: f32, wo: Vec3, u: f32, mode: Mode) -> Option<(LobeSample, f32)> {
+    let interface = fresnel::dielectric(wo.z, ior);
+    if u < interface.reflectance {
+        let wi = Vec3::new(-wo.x, -wo.y, wo.z);
+        return Some((LobeSample { wi, weight: Vec3::ONE, eta: 1.0 }, interface.reflectance));
+    }
+    if interface.cos_t <= 0.0 {
+        return None;
+    }
+    let wi = Vec3::new(-wo.x, -wo.y, 0.0) / interface.eta + Vec3::Z * interface.cos_t.copysign(-wo.z);
+    let tint = Vec3::new(base_color.x.sqrt(), base_color.y.sqrt(), base_color.z.sqrt());
+    let scale = match mode {
+        Mode::Radiance => 1.0 / (interface.eta * interface.eta),
+        Mode::Importance => 1.0,
+    };
+    Some((LobeSample { wi, weight: tint * scale, eta: interface.eta }, 1.0 - interface.reflectance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refraction_obeys_snell_and_keeps_unit_length() {
+        for ior in [1.5f32, 2.5, 0.8] {
+            for (x, z) in [(0.0f32, 1.0f32), (0.6, 0.8), (0.3, -0.953_939_2)] {
+                let wo = Vec3::new(x, 0.0, z);
+                if let Some((s, p)) = sample(Vec3::ONE, ior, wo, 0.999_999, Mode::Radiance) {
+                    if s.eta == 1.0 {
+                        continue;
+                    }
+                    assert!((s.wi.length() - 1.0).abs() < 1e-5);
+                    assert!(s.wi.z * wo.z < 0.0 && p > 0.0);
+                    let (n_o, n_i) = if z > 0.0 { (1.0, ior) } else { (ior, 1.0) };
+                    assert!((n_o * wo.x + n_i * s.wi.x).abs() < 1e-5, "{ior} {x} {z}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn radiance_scales_and_importance_does_not_and_a_round_trip_carries_the_base_colour() {
+        let wo = Vec3::new(0.0, 0.0, 1.0);
+        let base = Vec3::new(0.25, 1.0, 0.04);
+        let (enter, _) = sample(base, 2.0, wo, 0.9, Mode::Radiance).unwrap();
+        assert!((enter.weight - Vec3::new(0.5, 1.0, 0.2) / 4.0).length() < 1e-6);
+        let (leave, _) = sample(base, 2.0, -wo, 0.9, Mode::Radiance).unwrap();
+        assert!((enter.weight * leave.weight - base).length() < 1e-6);
+        let (light, _) = sample(base, 2.0, wo, 0.9, Mode::Importance).unwrap();
+        assert!((light.weight - Vec3::new(0.5, 1.0, 0.2)).length() < 1e-6);
+    }
+
+    #[test]
+    fn total_internal_reflection_reflects() {
+        let wo = Vec3::new(0.8, 0.0, -0.6);
+        let (s, p) = sample(Vec3::ONE, 1.5, wo, 0.999_999, Mode::Radiance).unwrap();
+        assert_eq!((s.wi, p, s.eta), (Vec3::new(-0.8, 0.0, -0.6), 1.0, 1.0));
+    }
+}

@@ -1,0 +1,79 @@
+//! Fresnel reflectance.
+
+use glam::Vec3;
+
+/// What an interface between dielectrics does with unpolarised light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interface {
+    /// Reflected part, 0..=1.
+    pub reflectance: f32,
+    /// Cosine of the refracted direction, positive; 0 under total internal reflection.
+    pub cos_t: f32,
+    /// Index of the far side over that of the near side.
+    pub eta: f32,
+}
+
+/// The full Fresnel equations for `cos_i` (positive outside, negative inside) and the index `ior` of the inside
+/// relative to the outside.
+#[inline]
+pub fn dielectric(cos_i: f32, ior: f32) -> Interface {
+    let eta = if cos_i >= 0.0 { ior } else { 1.0 / ior };
+    let cos_i = cos_i.abs().min(1.0);
+    let cos2_t = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
+    if cos2_t <= 0.0 {
+        return Interface { reflectance: 1.0, cos_t: 0.0, eta };
+    }
+    let cos_t = cos2_t.sqrt();
+    let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    Interface { reflectance: 0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t, eta }
+}
+
+/// Reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].
+#[inline]
+pub fn schlick(f0: Vec3, cos: f32) -> Vec3 {
+    let m = (1.0 - cos.abs()).clamp(0.0, 1.0);
+    let m2 = m * m;
+    f0 + (Vec3::ONE - f0) * (m2 * m2 * m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normal_incidence_brewster_and_total_reflection() {
+        assert!((dielectric(1.0, 1.5).reflectance - 0.04).abs() < 1e-6);
+        assert!((dielectric(-1.0, 1.5).reflectance - 0.04).abs() < 1e-6);
+        // At Brewster's angle the parallel part vanishes: R = ((n^2 - 1) / (n^2 + 1))^2 / 2.
+        let n = 1.5f32;
+        let r = dielectric(n.atan().cos(), n).reflectance;
+        let expected = 0.5 * ((n * n - 1.0) / (n * n + 1.0)).powi(2);
+        assert!((r - expected).abs() < 1e-6);
+        // Inside, beyond the critical angle.
+        assert_eq!(dielectric(-0.5, 1.5).reflectance, 1.0);
+        assert!((dielectric(1e-6, 1.5).reflectance - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn reflectance_is_the_same_from_both_sides_of_one_path() {
+        for ior in [1.1, 1.5, 2.5, 0.7] {
+            for i in 1..50 {
+                let cos = i as f32 / 50.0;
+                let outside = dielectric(cos, ior);
+                if outside.cos_t > 0.0 {
+                    let inside = dielectric(-outside.cos_t, ior);
+                    assert!((outside.reflectance - inside.reflectance).abs() < 2e-5, "{ior} {cos}");
+                    assert!((inside.cos_t - cos).abs() < 1e-4);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn schlick_runs_from_f0_to_white() {
+        let f0 = Vec3::new(0.9, 0.5, 0.1);
+        assert_eq!(schlick(f0, 1.0), f0);
+        assert_eq!(schlick(f0, 0.0), Vec3::ONE);
+    }
+}

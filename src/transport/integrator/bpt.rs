@@ -1,0 +1,59 @@
+//! Backward path tracing: a path starts at the camera, is continued by sampling the BSDF, and finds light only by
+//! hitting an emitter [Kajiya 1986]. Slow where lights are small, simple enough to be the judge of everything else.
+
+use glam::Vec3;
+
+use super::{Context, IntegratorRow};
+use crate::scene::compile::NONE;
+use crate::transport::MAX_SURVIVAL;
+use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::contribution::Contribution;
+use crate::transport::sampler::Sampler;
+use crate::transport::surface::Surface;
+use crate::value::schema::Table;
+
+/// The row of this integrator.
+pub const ROW: IntegratorRow = IntegratorRow {
+    name: "bpt",
+    long_name: "backward path tracing",
+    revision: 1,
+    doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
+    params: Table { name: "BptParams", doc: "Parameters of `bpt`: none.", fields: &[] },
+    sample,
+};
+
+fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+    let scene = context.scene;
+    let mut ray = context.camera.sample_ray(pixel, sampler);
+    let mut throughput = Vec3::ONE;
+    // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
+    let mut eta_scale = 1.0f32;
+    for depth in 1..=context.max_depth {
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else { break };
+        let surface = Surface::at(scene, &ray, &hit);
+        let wo = -ray.dir;
+        let emitted = surface.emitted(&scene.textures, wo);
+        if emitted != Vec3::ZERO {
+            sink(Contribution { pixel, value: throughput * emitted, depth });
+        }
+        if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
+            break;
+        }
+        let bsdf = Bsdf::new(&surface, &scene.textures);
+        let choice = sampler.next_1d();
+        let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
+        throughput *= s.weight;
+        eta_scale *= s.eta * s.eta;
+        if context.rr_start.is_some_and(|start| depth >= start) {
+            let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
+            if sampler.next_1d() >= survival {
+                break;
+            }
+            throughput /= survival;
+        }
+        if throughput == Vec3::ZERO {
+            break;
+        }
+        ray = surface.spawn(s.wi);
+    }
+}

@@ -1,0 +1,176 @@
+//! Scenes made in code, and the renders and statistics that several test binaries need.
+#![allow(dead_code, reason = "every test binary uses its own part of this")]
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre::film::Film;
+use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{Emitter, Material, NONE, Sphere, Texture, TriangleAttributes};
+use lumbre::scene::desc::CameraDesc;
+use lumbre::transport::camera::{FilterKind, FilterSpec};
+use lumbre::transport::integrator::integrator;
+
+/// A white, opaque, dielectric material that emits nothing.
+pub const WHITE: Material = Material {
+    base_color: Vec3::ONE,
+    emission: Vec3::ZERO,
+    roughness: 1.0,
+    metallic: 0.0,
+    opacity: 1.0,
+    ior: 1.5,
+    base_color_texture: NONE,
+    emission_texture: NONE,
+    mask_texture: NONE,
+    tiling: 1.0,
+    emitter_reflects: true,
+};
+
+/// A grey material.
+pub fn grey(albedo: f32) -> Material {
+    Material { base_color: Vec3::splat(albedo), ..WHITE }
+}
+
+/// A black material that emits.
+pub fn light(radiance: f32) -> Material {
+    Material { base_color: Vec3::ZERO, emission: Vec3::splat(radiance), emitter_reflects: false, ..WHITE }
+}
+
+/// A scene made of quads, triangles and spheres.
+pub struct SceneBuilder {
+    scene: CompiledScene,
+}
+
+impl SceneBuilder {
+    /// An empty scene seen from `position` towards `target`.
+    pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
+        let camera = CameraDesc { position, target, up: Vec3::Y, fov_deg, aperture: 0.0, focus_distance: None };
+        SceneBuilder {
+            scene: CompiledScene {
+                content_hash: [0; 32],
+                triangles: Vec::new(),
+                attributes: Vec::new(),
+                spheres: Vec::new(),
+                materials: Vec::new(),
+                textures: Vec::new(),
+                emitters: Vec::new(),
+                camera,
+                bounds: [Vec3::ZERO; 2],
+                resolution: [16, 16],
+                max_depth: 5,
+            },
+        }
+    }
+
+    /// Adds a texture and returns its index.
+    pub fn texture(&mut self, texture: Texture) -> u32 {
+        self.scene.textures.push(texture);
+        self.scene.textures.len() as u32 - 1
+    }
+
+    fn material(&mut self, material: Material) -> u32 {
+        self.scene.materials.push(material);
+        self.scene.materials.len() as u32 - 1
+    }
+
+    /// A triangle whose front is where its corners run counter-clockwise.
+    pub fn triangle(mut self, corners: [Vec3; 3], uvs: [Vec2; 3], material: Material) -> SceneBuilder {
+        let row = self.material(material);
+        let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let primitive = self.scene.triangles.len() as u32;
+        let mut emitter = NONE;
+        if material.emission != Vec3::ZERO {
+            emitter = self.scene.emitters.len() as u32;
+            self.scene.emitters.push(Emitter { primitive, area: 0.5 * cross.length() });
+        }
+        self.scene.triangles.push(corners);
+        let normals = [cross.normalize_or_zero(); 3];
+        self.scene.attributes.push(TriangleAttributes { normals, uvs, material: row, emitter });
+        self
+    }
+
+    /// A parallelogram from `corner` along `a` and `b`; its front is `a x b`.
+    pub fn quad(self, corner: Vec3, a: Vec3, b: Vec3, material: Material) -> SceneBuilder {
+        let uv = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        self.triangle([corner, corner + a, corner + a + b], [uv[0], uv[1], uv[2]], material).triangle(
+            [corner, corner + a + b, corner + b],
+            [uv[0], uv[2], uv[3]],
+            material,
+        )
+    }
+
+    /// An axis-aligned cube about the origin whose fronts look inwards.
+    pub fn room(mut self, half: f32, material: Material) -> SceneBuilder {
+        for (n, a) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {
+            for side in [-1.0, 1.0] {
+                let inward = -n * side;
+                let b = inward.cross(a);
+                self = self.quad(n * side * half - (a + b) * half, a * 2.0 * half, b * 2.0 * half, material);
+            }
+        }
+        self
+    }
+
+    /// A sphere; spheres must be added after all triangles.
+    pub fn sphere(mut self, center: Vec3, radius: f32, material: Material) -> SceneBuilder {
+        let row = self.material(material);
+        let mut emitter = NONE;
+        if material.emission != Vec3::ZERO {
+            emitter = self.scene.emitters.len() as u32;
+            let primitive = self.scene.primitive_count() as u32;
+            self.scene.emitters.push(Emitter { primitive, area: 4.0 * std::f32::consts::PI * radius * radius });
+        }
+        self.scene.spheres.push(Sphere { center, radius, material: row, emitter });
+        self
+    }
+
+    /// The finished scene.
+    pub fn build(self) -> Arc<CompiledScene> {
+        Arc::new(self.scene)
+    }
+}
+
+/// A job for `bpt` without Russian roulette and with the pixel as filter.
+pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
+    Job {
+        integrator: integrator("bpt").unwrap(),
+        params: Default::default(),
+        resolution,
+        max_depth,
+        rr_start: None,
+        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        seed,
+        threads: 0,
+    }
+}
+
+/// Renders `samples` samples on the CPU.
+pub fn render(scene: &Arc<CompiledScene>, job: Job, samples: u64) -> Film {
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
+    let stats = renderer.advance(samples).unwrap();
+    assert_eq!(stats.invalid, 0, "invalid samples, first at {:?}", stats.first_invalid);
+    renderer.film().clone()
+}
+
+/// Mean of one channel over the whole film, and its standard error from the spread of all samples within pixels.
+pub fn mean_and_error(film: &Film, channel: usize) -> (f64, f64) {
+    let n = film.samples as f64;
+    let pixels = film.sum.len() as f64;
+    let mean = film.sum.iter().map(|s| s[channel]).sum::<f64>() / (n * pixels);
+    let variance_of_sum: f64 = film
+        .sum
+        .iter()
+        .zip(&film.sum2)
+        .map(|(s, q)| n / (n - 1.0) * (q[channel] - s[channel] * s[channel] / n).max(0.0))
+        .sum();
+    (mean, variance_of_sum.sqrt() / (n * pixels))
+}
+
+/// The folder of shared third-party scenes and references, if this checkout has one beside it.
+pub fn shared() -> Option<PathBuf> {
+    let root = std::env::var_os("LUMBRE_SHARED")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    root.join("scenes").is_dir().then_some(root)
+}

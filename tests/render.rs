@@ -1,0 +1,14 @@
+//! What the CPU backend renders, against analytic truth, brute force and images made by others.
+
+mod common;
+
+#[path = "render/bsdf.rs"]
+mod bsdf;
+#[path = "render/determinism.rs"]
+mod determinism;
+#[path = "render/furnace.rs"]
+mod furnace;
+#[path = "render/intersection.rs"]
+mod intersection;
+#[path = "render/lights.rs"]
+mod lights;

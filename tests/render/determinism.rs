@@ -1,0 +1,51 @@
+//! Same run, same bits: whatever the threads and the waves.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre::render::{Renderer, cpu::renderer::CpuRenderer};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::Material;
+
+use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+
+fn scene() -> Arc<CompiledScene> {
+    SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 60.0)
+        .room(1.0, grey(0.7))
+        .quad(Vec3::new(-0.3, 0.99, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, light(10.0))
+        .sphere(Vec3::new(0.3, -0.6, 0.0), 0.4, Material { opacity: 0.0, ..WHITE })
+        .build()
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let scene = scene();
+    let with = |threads| {
+        let mut j = job([33, 17], 5, 11);
+        j.threads = threads;
+        render(&scene, j, 9)
+    };
+    let one = with(1);
+    assert_eq!(one, with(2));
+    assert_eq!(one, with(5));
+    assert!(one.sum.iter().any(|s| s[0] > 0.0));
+}
+
+#[test]
+fn any_grouping_into_waves_gives_the_same_bits() {
+    let scene = scene();
+    let whole = render(&scene, job([16, 16], 5, 12), 21);
+    let mut renderer = CpuRenderer::new(Arc::clone(&scene), job([16, 16], 5, 12)).unwrap();
+    for wave in [1, 2, 4, 8, 6] {
+        renderer.advance(wave).unwrap();
+    }
+    assert_eq!(&whole, renderer.film());
+}
+
+#[test]
+fn another_seed_gives_another_picture() {
+    let scene = scene();
+    let a = render(&scene, job([16, 16], 5, 13), 4);
+    let b = render(&scene, job([16, 16], 5, 14), 4);
+    assert_ne!(a, b);
+}

@@ -1,0 +1,82 @@
+//! Light sampling: exact areas, and agreement with paths that find the light by chance.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre::math::rng::{pcg4d, unit};
+use lumbre::math::stats::chi_square_p;
+use lumbre::render::cpu::accel::Accel;
+use lumbre::scene::CompiledScene;
+use lumbre::transport::light::Lights;
+use lumbre::transport::ray::Ray;
+
+use crate::common::{SceneBuilder, grey, job, light, mean_and_error, render};
+
+/// A floor under lights of very different areas: two triangles and a sphere.
+fn scene() -> Arc<CompiledScene> {
+    let big = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
+    let small = [Vec3::new(0.5, 1.0, 0.5), Vec3::new(0.8, 1.0, 0.5), Vec3::new(0.5, 1.0, 0.9)];
+    SceneBuilder::new(Vec3::new(0.0, 0.8, 2.5), Vec3::ZERO, 0.5)
+        .quad(Vec3::new(-20.0, 0.0, 20.0), Vec3::X * 40.0, Vec3::Z * -40.0, grey(0.8))
+        .triangle(big, [Vec2::ZERO; 3], light(2.0))
+        .triangle(small, [Vec2::ZERO; 3], light(9.0))
+        .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+        .build()
+}
+
+fn uniform(i: u32) -> [f32; 4] {
+    pcg4d([i, 21, 22, 23]).map(unit)
+}
+
+#[test]
+fn emitters_are_chosen_by_exact_area() {
+    let scene = scene();
+    let lights = Lights::new(&scene);
+    let areas: Vec<f64> = scene.emitters.iter().map(|e| f64::from(e.area)).collect();
+    let total: f64 = areas.iter().sum();
+    assert!((lights.total_area() / total - 1.0).abs() < 1e-6);
+    let n = 100_000;
+    let mut observed = vec![0.0; areas.len()];
+    for i in 0..n {
+        let u = uniform(i);
+        let p = lights.sample_area(&scene, u[0], [u[1], u[2]]).unwrap();
+        assert!((f64::from(p.pdf_a) * total - 1.0).abs() < 1e-4, "density is 1 / total area everywhere");
+        let which = scene.emitters.iter().position(|e| e.primitive == p.primitive).unwrap();
+        assert_eq!(lights.pdf_a(&scene, which as u32), p.pdf_a);
+        observed[which] += 1.0;
+    }
+    let expected: Vec<f64> = areas.iter().map(|a| a / total * f64::from(n)).collect();
+    assert!(chi_square_p(&observed, &expected, 0) > 0.001);
+}
+
+#[test]
+fn sampled_and_found_light_agree() {
+    let scene = scene();
+    let film = render(&scene, job([8, 8], 2, 31), 40_000);
+    let (found, found_error) = mean_and_error(&film, 0);
+
+    // The same radiance by connecting the point in the middle of the picture to points of the lights.
+    let accel = Accel::build(Arc::clone(&scene)).unwrap();
+    let lights = Lights::new(&scene);
+    let origin = Vec3::Y * 1e-4;
+    let n = 200_000u32;
+    let (mut sum, mut sum2) = (0.0f64, 0.0f64);
+    for i in 0..n {
+        let u = uniform(i);
+        let p = lights.sample_area(&scene, u[0], [u[1], u[2]]).unwrap();
+        let to = p.position - origin;
+        let d2 = to.length_squared();
+        let wi = to / d2.sqrt();
+        let g = wi.y.max(0.0) * (-wi.dot(p.normal)).max(0.0) / d2;
+        let visible = g > 0.0 && !accel.occluded(&Ray { origin, dir: wi }, d2.sqrt() * 0.999);
+        let emission = scene.materials[scene.material_of(p.primitive) as usize].emission.x;
+        let value = if visible { f64::from(0.8 / std::f32::consts::PI * emission * g / p.pdf_a) } else { 0.0 };
+        sum += value;
+        sum2 += value * value;
+    }
+    let mean = sum / f64::from(n);
+    let error = ((sum2 / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
+    let sigma = (error * error + found_error * found_error).sqrt();
+    assert!(sigma / mean < 0.01);
+    assert!((mean - found).abs() < 3.0 * sigma, "{mean} and {found} +- {sigma}");
+}
