@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::rc::Rc;
 
-use mlua::{ChunkMode, Lua, Value as LuaValue};
+use mlua::chunk::ChunkMode;
+use mlua::{Lua, Value as LuaValue};
 
 use super::api::{Args, Param};
 use super::error::ScriptError;
@@ -44,12 +45,20 @@ pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, 
     }
     if !shared.loading.get() {
         let help = "require it at the top of the script".to_owned();
-        return Err(args.error(shared, format!("`{name}` can no longer be loaded: the plan is being made"), Some(help)));
+        return Err(args.error(
+            shared,
+            format!("`{name}` can no longer be loaded: the plan is being made"),
+            Some(help),
+        ));
     }
     if shared.requiring.borrow().contains(&key) {
         let mut chain = shared.requiring.borrow().clone();
         chain.push(key);
-        return Err(args.error(shared, format!("modules require each other in a circle: {}", chain.join(" -> ")), None));
+        return Err(args.error(
+            shared,
+            format!("modules require each other in a circle: {}", chain.join(" -> ")),
+            None,
+        ));
     }
     if shared.sources.borrow().count() > MAX_MODULES {
         return Err(args.error(shared, format!("more than {MAX_MODULES} modules"), None));

@@ -50,9 +50,8 @@ pub struct Sources {
 /// When it is no readable file, larger than [`MAX_BYTES`], bytecode, or not UTF-8.
 pub fn read(file: &Path) -> Result<String, ScriptError> {
     let fail = |problem, help: Option<&str>| Err(ScriptError::new(file, problem, help.map(str::to_owned), None));
-    let unreadable = |e: std::io::Error| {
-        ScriptError::new(file, Problem::Unreadable { reason: e.to_string() }, None, None)
-    };
+    let unreadable =
+        |e: std::io::Error| ScriptError::new(file, Problem::Unreadable { reason: e.to_string() }, None, None);
     let metadata = std::fs::metadata(file).map_err(unreadable)?;
     if !metadata.is_file() {
         return fail(Problem::Unreadable { reason: "it is not a regular file".to_owned() }, None);
@@ -177,7 +176,8 @@ impl Sources {
     /// blake3 of the script's text, then of every module with its name, in the order of the names. The script's own
     /// name does not count: a renamed script says the same.
     pub fn hash(&self) -> [u8; 32] {
-        let mut order: Vec<(&str, &str)> = self.texts.iter().map(|s| (s.chunk.as_str(), s.text.inner().as_str())).collect();
+        let mut order: Vec<(&str, &str)> =
+            self.texts.iter().map(|s| (s.chunk.as_str(), s.text.inner().as_str())).collect();
         if let Some(script) = order.first_mut() {
             script.0 = "";
         }
@@ -259,10 +259,8 @@ mod tests {
     fn long_and_equal_names_stay_apart() {
         let mut s = sources();
         let long = format!("{}.lua", "é".repeat(80));
-        let (a, b) = (
-            s.add(&long, Path::new("l"), String::new()),
-            s.add("a.lua", Path::new("other/a.lua"), String::new()),
-        );
+        let (a, b) =
+            (s.add(&long, Path::new("l"), String::new()), s.add("a.lua", Path::new("other/a.lua"), String::new()));
         assert!(s.get(a).chunk.len() <= MAX_CHUNK_NAME);
         assert_ne!(s.get(b).chunk, "a.lua");
         assert_eq!(s.by_chunk(&format!("@{}", s.get(a).chunk)), Some(a));

@@ -1,13 +1,13 @@
 //! A Lua state that can reach nothing outside itself, and what its functions share.
 
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::rc::Rc;
 
 use mlua::{HookTriggers, Lua, LuaOptions, StdLib, Value as LuaValue, VmState};
 
 use super::api::builder::Builder;
+use super::api::stop::Predicates;
 use super::error::{Problem, ScriptError};
 use super::limits::{Limits, Watch, pattern_is_quick};
 use super::source::{Place, Sources};
@@ -36,10 +36,8 @@ pub struct Shared {
     pub builder: RefCell<Builder>,
     /// The modules that are being loaded, outermost first.
     pub requiring: RefCell<Vec<String>>,
-    /// Predicates by the number that stands for them in stop rules.
-    pub predicates: RefCell<BTreeMap<usize, mlua::Function>>,
-    /// How many predicates the script may still make before the current call ends.
-    pub predicates_left: Cell<usize>,
+    /// The predicates that stop rules name by number.
+    pub predicates: RefCell<Predicates>,
 }
 
 impl Shared {
@@ -103,7 +101,8 @@ impl Shared {
         let (text, is_syntax) = match root {
             mlua::Error::MemoryError(_) => {
                 let problem = Problem::Memory { mib: self.limits.memory >> 20 };
-                let help = "a script only describes what to render; is there a table or a string that never stops growing?";
+                let help =
+                    "a script only describes what to render; is there a table or a string that never stops growing?";
                 return self.watch.here(problem, help.to_owned(), &sources);
             }
             mlua::Error::SyntaxError { message, .. } => (message.clone(), true),
@@ -181,7 +180,7 @@ pub fn new_state(shared: &Rc<Shared>) -> mlua::Result<Lua> {
     )?;
     native.raw_set(
         "log",
-        lua.create_function(|_, text: mlua::String| {
+        lua.create_function(|_, text: mlua::LuaString| {
             tracing::info!(target: "script", "{}", shorten(&text.to_string_lossy()));
             Ok(())
         })?,
@@ -212,10 +211,12 @@ pub fn make_strict(
 ) -> mlua::Result<()> {
     let shared = Rc::clone(shared);
     let index = lua.create_function(move |lua, (table, key): (mlua::Table, LuaValue)| -> mlua::Result<()> {
-        let key = match &key {
-            LuaValue::String(s) => s.to_string_lossy(),
-            other => super::api::kind(other).to_owned(),
-        };
+        if let Some((name, help)) = known.iter().find(|(name, _)| key.as_string().is_some_and(|k| k == *name)) {
+            let place = shared.here(lua);
+            let path = if what.is_empty() { (*name).to_owned() } else { format!("{what}.{name}") };
+            let help = Some((*help).to_owned());
+            return Err(mlua::Error::external(shared.sources.borrow().field(&place, &path, "is not there", help)));
+        }
         let mut names: Vec<String> = Vec::new();
         table.for_each(|name: LuaValue, _: LuaValue| {
             if let LuaValue::String(name) = name {
@@ -224,23 +225,36 @@ pub fn make_strict(
             Ok(())
         })?;
         names.sort_unstable();
-        let help = match known.iter().find(|(name, _)| *name == key) {
-            Some((_, help)) => (*help).to_owned(),
-            None => match suggest::nearest(&key, names.iter().map(String::as_str)) {
-                Some(near) => format!("did you mean `{near}`?"),
-                None if what.is_empty() => "it was never set; is it spelt as where it was set?".to_owned(),
-                None => format!("known: {}", names.join(", ")),
-            },
-        };
-        let (path, problem) = match what {
-            "" => (key.clone(), "unknown global".to_owned()),
-            _ => (format!("{what}.{key}"), format!("`{what}` has no `{key}`")),
-        };
-        let place = shared.here(lua);
-        Err(mlua::Error::external(shared.sources.borrow().field(&place, &path, problem, Some(help))))
+        Err(missing_name(&shared, lua, what, &key, &names, if what.is_empty() { "global" } else { "name" }))
     })?;
     let meta = lua.create_table()?;
     meta.raw_set("__index", index)?;
     meta.raw_set("__metatable", false)?;
     table.set_metatable(Some(meta))
+}
+
+/// The error for reading `key` in `table` (empty for the globals), which holds only `names`; `what` is what they are.
+pub fn missing_name(
+    shared: &Shared,
+    lua: &Lua,
+    table: &str,
+    key: &LuaValue,
+    names: &[String],
+    what: &str,
+) -> mlua::Error {
+    let key = match key {
+        LuaValue::String(s) => s.to_string_lossy(),
+        LuaValue::Integer(i) => i.to_string(),
+        other => super::api::kind(other).to_owned(),
+    };
+    let help = match suggest::nearest(&key, names.iter().map(String::as_str)) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if table.is_empty() => "it was never set; is it spelt as where it was set?".to_owned(),
+        None if names.is_empty() => format!("there is no {what} at all"),
+        None => format!("known: {}", names.join(", ")),
+    };
+    let path = if table.is_empty() { key.clone() } else { format!("{table}.{key}") };
+    let place = shared.here(lua);
+    let problem = format!("unknown {what} `{key}`");
+    mlua::Error::external(shared.sources.borrow().field(&place, &path, problem, Some(help)))
 }

@@ -114,7 +114,7 @@ impl Reader {
         }
     }
 
-    fn text(&mut self, text: &mlua::String, path: &str, key: &str) -> Result<String, SchemaError> {
+    fn text(&mut self, text: &mlua::LuaString, path: &str, key: &str) -> Result<String, SchemaError> {
         let bytes = text.as_bytes();
         self.text += bytes.len();
         if self.text > MAX_TEXT {
@@ -215,7 +215,8 @@ mod tests {
 
     #[test]
     fn plain_data_keeps_its_shape_and_numbers_are_normal() {
-        let (_lua, value) = eval("return { n = 3.0, x = 0.1, list = { 1, 'two', true }, empty = {}, m = { k = -0.0 } }");
+        let (_lua, value) =
+            eval("return { n = 3.0, x = 0.1, list = { 1, 'two', true }, empty = {}, m = { k = -0.0 } }");
         let json = read(&value, "", "").unwrap().to_json().to_string();
         assert_eq!(json, r#"{"empty":[],"list":[1,"two",true],"m":{"k":0},"n":3,"x":0.1}"#);
     }

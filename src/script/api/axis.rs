@@ -271,7 +271,8 @@ fn axis_steps(shared: &Shared, args: &Args, names: &[String], path: &str) -> Res
             item if names.len() == 1 => vec![item],
             Value::List(tuple) if tuple.len() == names.len() => tuple,
             other => {
-                let problem = format!("{path}[{}] is `{other}`: expected {} values, one for each name", i + 1, names.len());
+                let problem =
+                    format!("{path}[{}] is `{other}`: expected {} values, one for each name", i + 1, names.len());
                 return Err(args.error(shared, problem, None));
             }
         };

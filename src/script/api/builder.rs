@@ -70,13 +70,6 @@ pub enum Reference {
     },
 }
 
-impl Reference {
-    /// Where it was said.
-    pub fn is_rendered(&self) -> bool {
-        matches!(self, Reference::Render { .. })
-    }
-}
-
 /// What `x:stop(..)` said.
 #[derive(Clone, Debug)]
 pub enum Stop {

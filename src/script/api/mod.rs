@@ -130,7 +130,9 @@ impl Args {
     /// When there are more.
     pub fn at_most(&self, shared: &Shared, n: usize) -> Result<(), ScriptError> {
         match self.values.len() {
-            found if found > n => Err(self.error(shared, format!("expected at most {n} arguments, found {found}"), None)),
+            found if found > n => {
+                Err(self.error(shared, format!("expected at most {n} arguments, found {found}"), None))
+            }
             _ => Ok(()),
         }
     }
@@ -213,7 +215,11 @@ impl Args {
         let table = LuaValue::Table(self.table(shared, i, what)?);
         match strict::read(&table, path, "").map_err(|e| self.blame(shared, e))? {
             Value::List(items) => Ok(items),
-            other => Err(self.error(shared, format!("argument {} ({what}) is {}: expected a list", i + 1, other.kind()), None)),
+            other => Err(self.error(
+                shared,
+                format!("argument {} ({what}) is {}: expected a list", i + 1, other.kind()),
+                None,
+            )),
         }
     }
 }
