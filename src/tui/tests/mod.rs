@@ -1,6 +1,5 @@
 //! Whole screens, whole nights, keys and lines, on a made-up experiment.
 
-mod demo;
 mod fold;
 mod keys;
 mod lines;
