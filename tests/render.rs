@@ -1,5 +1,7 @@
 //! What the CPU backend renders, against analytic truth, brute force and images made by others.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 mod common;
 
 #[path = "render/bsdf.rs"]

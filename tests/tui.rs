@@ -36,6 +36,11 @@ fn the_terminal_is_given_back_exactly_once() {
     assert_eq!(restored(), 1, "by the panic of another thread");
     assert!(!guard.holds());
     assert_eq!(guard.write(|| 7), None);
+    guard.take_again(|| Ok(())).unwrap();
+    assert_eq!(guard.write(|| 7), Some(7), "the night went on");
+    let worker = std::thread::Builder::new().name("worker".into()).spawn(|| panic!("on purpose, once more"));
+    assert!(worker.unwrap().join().is_err());
+    assert_eq!(restored(), 1, "by the second panic");
     drop(guard);
     assert_eq!(restored(), 0, "and not again");
 

@@ -1,5 +1,5 @@
 //! Scenes: what a file or a script says ([`desc`]), how files are read ([`load`]), how one value is changed
-//! ([`edit`]), and the flat arrays that a backend renders ([`compile`]).
+//! ([`edit`]), and the flat arrays that a backend renders ([`mod@compile`]).
 //!
 //! Paths inside a scene file resolve against the file that names them. What a loader cannot honour becomes a
 //! [`Note`]; what it cannot understand is a [`SceneError`]. Nothing here knows how light moves.

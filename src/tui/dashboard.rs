@@ -73,7 +73,7 @@ impl Dashboard {
         let start = Instant::now();
         let guard = Guard::take(enter, restore)?;
         let look = Look::from_env(&|name| std::env::var(name).ok());
-        let terminal = Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(1 << 16, io::stdout())))?;
+        let terminal = open_terminal()?;
         let screen = Screen {
             terminal,
             guard,
@@ -84,6 +84,9 @@ impl Dashboard {
             start,
         };
         let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(move || {
+            // Tone mapping uses rayon. With this thread as a pool of its own it stays here, instead of queueing behind
+            // the tiles of a wave, where keys would wait with it. Without such a pool it is slower, not wrong.
+            let _pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
             // A terminal that can no longer be written to is gone: nothing is lost by not drawing.
             if let Ok(Exit::Leave) = screen.run() {
                 leave_now();
@@ -121,6 +124,13 @@ impl Sink for Dashboard {
     }
 }
 
+/// A whole frame is gathered before it is written.
+type Output = Terminal<CrosstermBackend<BufWriter<Stdout>>>;
+
+fn open_terminal() -> io::Result<Output> {
+    Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(1 << 16, io::stdout())))
+}
+
 fn enter() -> io::Result<()> {
     terminal::enable_raw_mode()?;
     execute!(io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)
@@ -134,7 +144,7 @@ fn restore() {
 
 /// Why the thread ended.
 enum Exit {
-    /// The night is over, or the terminal was given back.
+    /// The night is over.
     Over,
     /// The user wants to leave at once.
     Leave,
@@ -142,7 +152,7 @@ enum Exit {
 
 /// The drawing thread's own.
 struct Screen {
-    terminal: Terminal<CrosstermBackend<BufWriter<Stdout>>>,
+    terminal: Output,
     guard: Guard,
     keys: Keys,
     view: View,
@@ -169,10 +179,21 @@ impl Screen {
     fn run(mut self) -> io::Result<Exit> {
         let mut shown = None;
         let mut drawn: Option<Instant> = None;
+        let mut lost_at: Option<u64> = None;
         loop {
-            let over = self.shared.wait();
-            if over || !self.guard.holds() {
+            if self.shared.wait() {
                 return Ok(Exit::Over);
+            }
+            if !self.guard.holds() {
+                // A panic gave the terminal back. If events go on, it cost a cell and not the night.
+                let revision = self.shared.model().revision;
+                if *lost_at.get_or_insert(revision) == revision {
+                    continue;
+                }
+                self.guard.take_again(enter)?;
+                // Not cleared: that would ask the terminal for its cursor and wait for the answer.
+                self.terminal = open_terminal()?;
+                (shown, lost_at) = (None, None);
             }
             let mut touched = false;
             for key in self.keys.pressed()? {

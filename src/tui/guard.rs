@@ -14,7 +14,9 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// The terminal, taken. Dropping it gives the terminal back.
 #[derive(Debug)]
-pub struct Guard(());
+pub struct Guard {
+    restore: fn(),
+}
 
 impl Guard {
     /// Takes the terminal by `enter`; from then on `restore` will be called once, at the latest when the guard is
@@ -35,10 +37,18 @@ impl Guard {
         if TAKEN.swap(true, Ordering::SeqCst) {
             return Err(io::Error::new(io::ErrorKind::ResourceBusy, "another dashboard has the terminal"));
         }
-        *RESTORE.lock().unwrap_or_else(PoisonError::into_inner) = Some(restore);
-        let guard = Guard(());
-        enter()?;
+        let guard = Guard { restore };
+        guard.take_again(enter)?;
         Ok(guard)
+    }
+
+    /// Takes the terminal once more, after a panic elsewhere had given it back and the night went on.
+    ///
+    /// # Errors
+    /// When `enter` fails.
+    pub fn take_again(&self, enter: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+        *RESTORE.lock().unwrap_or_else(PoisonError::into_inner) = Some(self.restore);
+        enter()
     }
 
     /// Whether the terminal is still ours; a panic in another thread may have given it back.
@@ -58,11 +68,6 @@ impl Drop for Guard {
         give_back();
         TAKEN.store(false, Ordering::SeqCst);
     }
-}
-
-/// Gives the terminal back at once, if it is taken: for those who are about to end the process.
-pub fn give_back_now() {
-    give_back_in_panic();
 }
 
 fn give_back() {

@@ -94,7 +94,7 @@ impl LineSink {
         );
         let metrics = self.model.plan.as_ref().map_or(&[][..], |plan| &plan.measure.metrics[..]);
         for (spec, value) in metrics.iter().zip(&row.metrics) {
-            facts.push_str(&format!("  {} {}", spec.column, words::number(*value)));
+            facts.push_str(&format!("  {} {}", spec.column, words::measured(spec, *value)));
         }
         if let Some([x, y, sample]) = row.first_invalid.filter(|_| row.invalid > 0) {
             let n = words::count(row.invalid);
@@ -123,10 +123,10 @@ impl LineSink {
         });
         let technique = config.map_or_else(String::new, |config| {
             let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
-            format!("  {} ({long})", config.integrator)
+            format!("{} ({long}) on ", config.integrator)
         });
-        let rule = self.model.stop_rule(cell).map_or_else(String::new, |r| format!(" until {}", words::stop_rule(r)));
-        let line = format!("{}{technique}  started on {device}{rule}", self.name(cell));
+        let rule = self.model.stop_rule(cell).map_or_else(String::new, |r| format!("; until {}", r.describe()));
+        let line = format!("{}  started: {technique}{device}{rule}", self.name(cell));
         self.talk(Ink::Dim, &words::clean(&line));
     }
 

@@ -215,7 +215,8 @@ impl Model {
             }
             Event::Message { level, cell, text } => {
                 let about = match (&self.plan, cell) {
-                    (Some(plan), Some(cell)) => format!("{}: ", words::cell_name(plan, *cell)),
+                    (Some(plan), Some(cell @ CellRef::Cell(_))) => format!("{}: ", words::cell_name(plan, *cell)),
+                    (Some(plan), Some(cell)) => format!("reference {}: ", words::cell_name(plan, *cell)),
                     _ => String::new(),
                 };
                 if self.messages.len() >= MESSAGES {
@@ -290,28 +291,25 @@ impl Model {
             return None;
         }
         self.plan.as_ref()?;
+        let means = (mean_wall_s(&self.references), mean_wall_s(&self.cells));
         let mut sum = Eta { seconds: 0.0, at_most: false };
-        let sides: [(&[Entry], fn(usize) -> CellRef); 2] =
-            [(&self.references, CellRef::Reference), (&self.cells, CellRef::Cell)];
-        for (entries, name) in sides {
-            let mean = mean_wall_s(entries);
-            for (i, entry) in entries.iter().enumerate() {
-                let cell = name(i);
-                let left = match entry.state {
-                    State::Waiting => match (mean, self.stop_rule(cell)) {
-                        (_, None) => Eta { seconds: 0.0, at_most: false },
-                        (Some(seconds), _) => Eta { seconds, at_most: false },
-                        (None, Some(rule)) => eta::render_left(rule, &WaveRow::default())?,
-                    },
-                    State::Running if self.current.as_ref().is_some_and(|c| c.cell == cell) => {
-                        let spent = self.cell_wall_s(now_s);
-                        let by_mean = mean.map(|mean| Eta { seconds: (mean - spent).max(0.0), at_most: false });
-                        self.cell_eta(now_s).or(by_mean)?
-                    }
-                    _ => continue,
-                };
-                sum = Eta { seconds: sum.seconds + left.seconds, at_most: sum.at_most || left.at_most };
-            }
+        let references = (0..self.references.len()).map(CellRef::Reference);
+        for cell in references.chain((0..self.cells.len()).map(CellRef::Cell)) {
+            let mean = if let CellRef::Reference(_) = cell { means.0 } else { means.1 };
+            let left = match self.entry(cell)?.state {
+                State::Waiting => match (mean, self.stop_rule(cell)) {
+                    (_, None) => Eta { seconds: 0.0, at_most: false },
+                    (Some(seconds), _) => Eta { seconds, at_most: false },
+                    (None, Some(rule)) => eta::render_left(rule, &WaveRow::default())?,
+                },
+                State::Running if self.current.as_ref().is_some_and(|c| c.cell == cell) => {
+                    let spent = self.cell_wall_s(now_s);
+                    let by_mean = mean.map(|mean| Eta { seconds: (mean - spent).max(0.0), at_most: false });
+                    self.cell_eta(now_s).or(by_mean)?
+                }
+                _ => continue,
+            };
+            sum = Eta { seconds: sum.seconds + left.seconds, at_most: sum.at_most || left.at_most };
         }
         Some(sum)
     }

@@ -99,6 +99,14 @@ impl View {
         }
     }
 
+    /// The time for estimates: while rendering is paused nothing of the rest goes by.
+    pub fn clock_s(&self, model: &Model) -> f64 {
+        match &model.current {
+            Some(current) if self.paused && current.running => current.heard_s.min(self.now_s),
+            _ => self.now_s,
+        }
+    }
+
     /// Takes in a key while the screen has the size of `area`; what concerns the night is handed back.
     pub fn key(&mut self, key: KeyEvent, model: &Model, area: Rect) -> Option<Command> {
         if key.kind == KeyEventKind::Release {

@@ -1,13 +1,16 @@
-//! Numbers, durations, rules and names as people read them, short enough for a column.
+//! Numbers, durations and names as people read them, short enough for a column.
 
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::stop::Comparison;
-use crate::experiment::{CellRef, Plan, StopRule};
+use crate::experiment::{CellRef, Plan};
+use crate::metrics::MetricSpec;
 
-/// Seconds with a unit, at most seven columns: `0.52 s`, `59.9 s`, `4m05s`, `2h03m`, `3d04h`.
+/// Seconds with a unit, at most seven columns: `2.1 ms`, `0.52 s`, `59.9 s`, `4m05s`, `2h03m`, `3d04h`.
 pub fn duration(seconds: f64) -> String {
     if !seconds.is_finite() || seconds < 0.0 {
         return "?".to_owned();
+    }
+    if seconds > 0.0 && seconds < 0.00995 {
+        return format!("{:.1} ms", seconds * 1e3);
     }
     if seconds < 9.995 {
         return format!("{seconds:.2} s");
@@ -55,48 +58,15 @@ pub fn count(n: u64) -> String {
     }
 }
 
-/// A stop rule in words: `256 spp or 30 s`.
-pub fn stop_rule(rule: &StopRule) -> String {
-    match rule {
-        StopRule::Time(s) => format!("{} of render time", limit(*s)),
-        StopRule::Samples(n) => format!("{n} spp"),
-        StopRule::Waves(n) => format!("{n} waves"),
-        StopRule::When { column, op, value, hold } => {
-            let op = match op {
-                Comparison::Less => "<",
-                Comparison::LessEqual => "<=",
-                Comparison::Greater => ">",
-                Comparison::GreaterEqual => ">=",
-            };
-            let hold = if *hold > 1 { format!(" {hold} times running") } else { String::new() };
-            format!("{column} {op} {value}{hold}")
-        }
-        StopRule::Nan(1) => "an invalid sample".to_owned(),
-        StopRule::Nan(n) => format!("{n} invalid samples"),
-        StopRule::Predicate(_) => "the script says so".to_owned(),
-        StopRule::Any(rules) => joined(rules, " or ", "never"),
-        StopRule::All(rules) => joined(rules, " and ", "at once"),
-        StopRule::Not(rule) => format!("not ({})", stop_rule(rule)),
+/// A metric's value, with its unit where that is a short one: `30.8 dB`.
+pub fn measured(spec: &MetricSpec, value: f64) -> String {
+    match spec.unit() {
+        unit if (1..=3).contains(&unit.len()) => format!("{} {unit}", number(value)),
+        _ => number(value),
     }
 }
 
-/// A round duration without the decimals that a measured one has.
-fn limit(seconds: f64) -> String {
-    if seconds < 60.0 && seconds.fract() == 0.0 { format!("{seconds} s") } else { duration(seconds) }
-}
-
-fn joined(rules: &[StopRule], word: &str, none: &str) -> String {
-    let part = |rule: &StopRule| match rule {
-        StopRule::Any(inner) | StopRule::All(inner) if inner.len() > 1 => format!("({})", stop_rule(rule)),
-        _ => stop_rule(rule),
-    };
-    match rules {
-        [] => none.to_owned(),
-        _ => rules.iter().map(part).collect::<Vec<_>>().join(word),
-    }
-}
-
-/// A cell's parameters, or what a reference is: `depth=5 aa=0.5 rep=1`, `reference bpt of cornell.scn`.
+/// A cell's parameters, or what a reference is: `depth=5 aa=0.5 rep=1`, `bpt of cornell.scn`.
 pub fn cell_name(plan: &Plan, cell: CellRef) -> String {
     match cell {
         CellRef::Cell(i) => plan.cells.get(i).map_or_else(String::new, |cell| {
@@ -108,9 +78,9 @@ pub fn cell_name(plan: &Plan, cell: CellRef) -> String {
         }),
         CellRef::Reference(i) => match plan.references.get(i).map(|r| &r.source) {
             Some(ReferenceSource::Render { config, .. }) => {
-                format!("reference {} of {}", config.integrator, scene_name(&config.scene))
+                clean(&format!("{} of {}", config.integrator, scene_name(&config.scene)))
             }
-            Some(ReferenceSource::File(file)) => format!("reference {}", scene_name(&file.to_string_lossy())),
+            Some(ReferenceSource::File(file)) => scene_name(&file.to_string_lossy()),
             None => String::new(),
         },
     }
@@ -186,6 +156,9 @@ mod tests {
     fn durations_keep_their_units_at_every_boundary() {
         let cases = [
             (0.0, "0.00 s"),
+            (0.0021, "2.1 ms"),
+            (0.00994, "9.9 ms"),
+            (0.00996, "0.01 s"),
             (9.994, "9.99 s"),
             (9.996, "10.0 s"),
             (59.94, "59.9 s"),
@@ -220,23 +193,6 @@ mod tests {
         }
         assert_eq!(count(9_999_999), "9999999");
         assert_eq!(count(12_340_000), "12.3M");
-    }
-
-    #[test]
-    fn rules_read_as_sentences() {
-        let rule = StopRule::Any(vec![
-            StopRule::Samples(256),
-            StopRule::All(vec![
-                StopRule::Time(30.0),
-                StopRule::When { column: "rmse".into(), op: Comparison::Less, value: 0.01, hold: 3 },
-            ]),
-            StopRule::Not(Box::new(StopRule::Nan(1))),
-        ]);
-        assert_eq!(
-            stop_rule(&rule),
-            "256 spp or (30 s of render time and rmse < 0.01 3 times running) or not (an invalid sample)"
-        );
-        assert_eq!(stop_rule(&StopRule::Any(Vec::new())), "never");
     }
 
     #[test]

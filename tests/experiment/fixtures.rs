@@ -3,26 +3,35 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::Vec3;
+use lumbre::experiment::event::{FinishedRun, History, Level};
 use lumbre::experiment::plan::{LoadedScene, expand};
+use lumbre::experiment::run::{Open, Seams, run_with};
 use lumbre::experiment::spec::{Axis, CellConfig, HookError, Measure, ReferenceRequest, Snapshots};
-use lumbre::experiment::{Overrides, Plan, PlanError, Point, ScriptHooks, Spec, StopRule, WaveRow};
+use lumbre::experiment::{
+    CellRef, Control, Event, NightSummary, Outcome, Overrides, Plan, PlanError, Point, RunError, RunId, ScriptHooks,
+    Sink, SinkError, Spec, StopRule, WaveRow,
+};
+use lumbre::film::{Film, Image};
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
+use lumbre::render::mock::MockRenderer;
 use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc, Transform};
 use lumbre::scene::{Note, SceneDesc, SceneError};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::value::Value;
 
 pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
+pub type SkipHook = Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>;
 pub type PredicateHook = Box<dyn Fn(usize, &[String], &[WaveRow]) -> Result<bool, HookError>>;
 
 /// An experiment whose every part can be exchanged.
 pub struct Lab {
     pub spec: Spec,
     pub overrides: Overrides,
-    pub skip: Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>,
+    pub skip: SkipHook,
     pub render: Hook<CellConfig>,
     pub reference: Hook<Option<ReferenceRequest>>,
     pub stop: Hook<StopRule>,
@@ -191,4 +200,136 @@ pub fn whole_at(point: &Point, axis: &str) -> u32 {
 /// Integers as values.
 pub fn ints<const N: usize>(numbers: [i64; N]) -> [Value; N] {
     numbers.map(Value::Int)
+}
+
+/// What a listener heard, in short words, and the events themselves.
+#[derive(Default)]
+pub struct Recorder {
+    pub words: Vec<String>,
+    pub events: Vec<Event>,
+}
+
+impl Sink for Recorder {
+    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+        self.words.push(words(event));
+        self.events.push(event.clone());
+        Ok(())
+    }
+}
+
+impl Recorder {
+    /// The measurements of a cell as they were told.
+    pub fn rows(&self, wanted: CellRef) -> Vec<&WaveRow> {
+        let mut rows = Vec::new();
+        for event in &self.events {
+            match event {
+                Event::Wave { cell, row, .. } if *cell == wanted => rows.push(row),
+                _ => {}
+            }
+        }
+        rows
+    }
+
+    /// The samples per pixel after each wave of a cell.
+    pub fn totals(&self, wanted: CellRef) -> Vec<u64> {
+        self.rows(wanted).iter().map(|row| row.samples).collect()
+    }
+
+    /// The final sums of a cell, if it ended with any.
+    pub fn film(&self, wanted: CellRef) -> Option<Arc<Film>> {
+        self.events.iter().find_map(|event| match event {
+            Event::CellFinished { cell, film, .. } if *cell == wanted => film.clone(),
+            _ => None,
+        })
+    }
+
+    /// The texts of all messages of a level.
+    pub fn messages(&self, wanted: Level) -> Vec<String> {
+        let text = |event: &Event| match event {
+            Event::Message { level, text, .. } if *level == wanted => Some(text.clone()),
+            _ => None,
+        };
+        self.events.iter().filter_map(text).collect()
+    }
+}
+
+/// An event in a few words: `wave c0 4`, `done r0`.
+pub fn words(event: &Event) -> String {
+    let name = |cell: &CellRef| match cell {
+        CellRef::Cell(i) => format!("c{i}"),
+        CellRef::Reference(i) => format!("r{i}"),
+    };
+    match event {
+        Event::NightStarted { .. } => "night".into(),
+        Event::CellStarted { cell, .. } => format!("start {}", name(cell)),
+        Event::Wave { cell, row, .. } => format!("wave {} {}", name(cell), row.samples),
+        Event::CellFinished { cell, outcome, .. } => {
+            let how = match outcome {
+                Outcome::Done(_) => "done",
+                Outcome::Cached(_) => "cached",
+                Outcome::Failed(_) => "failed",
+                Outcome::Interrupted => "interrupted",
+            };
+            format!("{how} {}", name(cell))
+        }
+        Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
+        Event::NightFinished => "morning".into(),
+    }
+}
+
+/// What earlier nights left, in memory.
+#[derive(Default)]
+pub struct Memory {
+    pub done: BTreeMap<RunId, FinishedRun>,
+    pub images: BTreeMap<RunId, Result<Image, String>>,
+}
+
+impl History for Memory {
+    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+        self.done.get(plan.id(cell)).cloned()
+    }
+
+    fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let image = self.images.get(plan.id(CellRef::Reference(reference)));
+        image.cloned().transpose().map_err(SinkError)
+    }
+}
+
+/// A night on the mock backend with its listeners, its past and its user.
+pub struct Night<'a> {
+    pub history: Memory,
+    pub control: Control,
+    pub open: Open<'a>,
+    pub wait: &'a dyn Fn(),
+}
+
+impl Default for Night<'_> {
+    fn default() -> Self {
+        Night {
+            history: Memory::default(),
+            control: Control::default(),
+            open: &|_, scene, job| Ok(Box::new(MockRenderer::new(scene, job))),
+            wait: &|| panic!("nobody asked for a pause"),
+        }
+    }
+}
+
+impl Night<'_> {
+    /// Carries out a plan before the given listeners.
+    pub fn carry_out(
+        &self,
+        lab: &Lab,
+        plan: &Arc<Plan>,
+        sinks: &mut [&mut dyn Sink],
+    ) -> Result<NightSummary, RunError> {
+        let seams = Seams { open: self.open, wait: self.wait };
+        run_with(&seams, plan, lab, &self.history, sinks, &self.control, 1)
+    }
+
+    /// Plans, carries out, and records.
+    pub fn record(&self, lab: &Lab) -> (NightSummary, Recorder) {
+        let mut recorder = Recorder::default();
+        let summary = self.carry_out(lab, &Arc::new(lab.plan()), &mut [&mut recorder]).unwrap();
+        (summary, recorder)
+    }
 }

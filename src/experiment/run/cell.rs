@@ -66,7 +66,7 @@ impl Night<'_, '_> {
         let renderer = progress.renderer.insert(self.open(work, scene)?);
         let open = renderer.open_stats().clone();
         self.emit(&Event::CellStarted { cell: work.cell, open, reference: work.reference.clone() })?;
-        let plan = Arc::clone(self.plan);
+        let plan = self.plan;
         let columns = plan.columns();
         let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
         loop {

@@ -108,10 +108,10 @@ impl<'a, 's> Night<'a, 's> {
 
     fn reference(&mut self, place: usize) {
         let cell = CellRef::Reference(place);
-        let plan = Arc::clone(self.plan);
+        let plan = self.plan;
         match &plan.references[place].source {
             ReferenceSource::File(file) => {
-                let ended = match self.history.image(&plan, place) {
+                let ended = match self.history.image(plan, place) {
                     Ok(Some(image)) => {
                         self.recent = Some((place, Arc::new(image)));
                         Ended::cached(file.clone(), Vec::new())
@@ -171,10 +171,10 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     fn cell(&mut self, place: usize) {
-        let plan = Arc::clone(self.plan);
+        let plan = self.plan;
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
-        let ended = match self.history.done(&plan, cell) {
+        let ended = match self.history.done(plan, cell) {
             Some(run) => Ended::cached(run.folder, run.rows),
             None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
                 Err(reason) => Ended::failed(reason),

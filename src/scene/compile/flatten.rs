@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
-use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, materials};
+use super::{CompiledScene, Emitter, NONE, Sphere, TriangleAttributes, materials};
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
 use crate::scene::{Note, SceneError};
 use crate::value::schema::SchemaError;
@@ -76,6 +76,10 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
         notes.push(whole("nothing emits light: the picture will be black"));
     }
     Ok((scene, notes))
+}
+
+fn in_range(p: Vec3) -> bool {
+    p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
 }
 
 fn malformed(file: &Path, place: String, problem: String) -> SceneError {
@@ -151,7 +155,7 @@ fn add_mesh(
     let to_world_normal = cofactor * if mirrors { -1.0 } else { 1.0 };
     let translate = entity.transform.translate.as_dvec3();
     let world: Vec<Vec3> = mesh.positions.iter().map(|p| (linear * p.as_dvec3() + translate).as_vec3()).collect();
-    if let Some(i) = world.iter().position(|p| !(p.abs().max_element() <= MAX_COORDINATE)) {
+    if let Some(i) = world.iter().position(|p| !in_range(*p)) {
         return Err(fail(format!("its vertex {i} lies at {}, not within {MAX_COORDINATE:e} of the origin", world[i])));
     }
     let mut dropped = [0usize; 2];
@@ -254,12 +258,12 @@ fn add_sphere(
     if !(radius > 0.0 && radius <= MAX_COORDINATE) {
         return fail(format!("a sphere needs a positive radius, found {radius}"));
     }
-    if !(center.abs().max_element() <= MAX_COORDINATE) {
+    if !in_range(center) {
         return fail(format!("its centre {center} does not lie within {MAX_COORDINATE:e} of the origin"));
     }
     let material = entity.material.as_deref().map_or(0, |name| names.row(name, Path::new(""), &place));
     let area = 4.0 * std::f64::consts::PI * f64::from(radius).powi(2);
-    let shines = shines(&scene.materials, material);
+    let shines = scene.materials[material as usize].emission != Vec3::ZERO;
     let emitter = if shines && area as f32 > 0.0 {
         push_emitter(scene, scene.triangles.len() + scene.spheres.len(), area as f32)
     } else {
@@ -276,19 +280,15 @@ fn add_sphere(
     Ok(())
 }
 
-fn shines(materials: &[Material], row: u32) -> bool {
-    materials[row as usize].emission != Vec3::ZERO
-}
-
+/// The box around everything; a point at the origin for nothing.
 fn bounds(scene: &CompiledScene) -> [Vec3; 2] {
     let points = scene.triangles.iter().flatten().map(|p| (*p, *p));
     let balls = scene.spheres.iter().map(|s| (s.center - s.radius, s.center + s.radius));
-    let start = None::<[Vec3; 2]>;
     let join = |acc: Option<[Vec3; 2]>, (low, high): (Vec3, Vec3)| match acc {
         Some([l, h]) => Some([l.min(low), h.max(high)]),
         None => Some([low, high]),
     };
-    points.chain(balls).fold(start, join).unwrap_or([Vec3::ZERO; 2])
+    points.chain(balls).fold(None, join).unwrap_or([Vec3::ZERO; 2])
 }
 
 #[cfg(test)]

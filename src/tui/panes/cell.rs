@@ -9,6 +9,7 @@ use ratatui::widgets::Paragraph;
 use super::{pane, title};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellConfig, CellRef, Plan, WaveRow};
+use crate::render::OpenStats;
 use crate::scene::SceneDesc;
 use crate::transport::camera::FilterKind;
 use crate::transport::integrator;
@@ -43,13 +44,27 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         CellRef::Reference(i) => format!(" Reference {} of {} ", i + 1, plan.references.len()),
     };
     let (state, style) = state(model, view, current);
-    let block = pane(look, Span::styled(place, look.strong()))
-        .title(Line::from(Span::styled(format!(" {state} "), style)).right_aligned());
+    let name = words::cell_name(plan, current.cell);
+    // Corners, the state, spaces around the name, and some frame in between.
+    let room = usize::from(area.width).saturating_sub(words::width(&place) + words::width(state) + 8);
+    let named = words::width(&name) <= room;
+    let mut title = vec![Span::styled(place, look.strong())];
+    if named {
+        title.push(Span::styled(format!(" {name} "), look.accent()));
+    }
+    let block =
+        pane(look, Line::from(title)).title(Line::from(Span::styled(format!(" {state} "), style)).right_aligned());
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let width = usize::from(inner.width);
     let sheet = Sheet { look, width, height: usize::from(inner.height) };
-    let lines = sheet.lines(plan, model, view, current);
+    let mut lines = sheet.lines(plan, model, view, current);
+    // What a rendered reference is stands on the first line in any case.
+    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && config_of(plan, current.cell).is_some();
+    if !named && !rendered_reference {
+        lines.insert(0, (3, sheet.fit(&name, look.accent())));
+    }
+    let lines = sheet.most_important(lines);
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
@@ -75,16 +90,14 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// The lines, in order; when they are more than fit, the least important go first.
-    fn lines(&self, plan: &Plan, model: &Model, view: &View, current: &Current) -> Vec<Line<'static>> {
+    /// The lines in order, each with its importance: 1 stays longest.
+    fn lines(&self, plan: &Plan, model: &Model, view: &View, current: &Current) -> Vec<(u8, Line<'static>)> {
         let empty = WaveRow::default();
         let row = current.curve.last().unwrap_or(&empty);
-        // Importance beside each line: 1 stays longest.
-        let mut lines: Vec<(u8, Line<'static>)> =
-            vec![(3, self.fit(&words::cell_name(plan, current.cell), self.look.strong()))];
+        let mut lines: Vec<(u8, Line<'static>)> = Vec::new();
         if let Some((config, scene)) = config_of(plan, current.cell) {
-            lines.push((4, self.technique(config)));
-            lines.push((5, self.fit(&self.subject(config, scene), Style::new())));
+            lines.push((4, self.technique(config, scene)));
+            lines.push((5, self.subject(config, scene)));
             let set: Vec<String> = config.set.iter().map(|(path, value)| format!("{path}={value}")).collect();
             let params = config.params.iter().map(|(name, value)| format!("{name}={value}"));
             let changes = params.chain(set).collect::<Vec<_>>().join("  ");
@@ -93,29 +106,35 @@ impl Sheet {
             }
         }
         if !current.open.device.is_empty() {
-            let open = &current.open;
-            let accel = if open.accel_nodes > 0 {
-                let (build, nodes) = (words::duration(open.accel_build_s), words::count(open.accel_nodes));
-                format!("  {nodes} BVH nodes built in {build}")
-            } else {
-                String::new()
-            };
-            lines.push((8, self.fit(&words::clean(&format!("{}{accel}", open.device)), self.look.dim())));
+            lines.push((8, self.device(&current.open)));
         }
         lines.push((1, self.speed(row)));
         lines.push((2, self.times(model, view, row)));
         if !row.metrics.is_empty() {
             let metrics = plan.measure.metrics.iter().zip(&row.metrics);
-            let facts = metrics.map(|(m, x)| self.fact(&m.column, &words::number(*x), Style::new())).collect();
+            let facts = metrics.map(|(m, x)| self.fact(&m.column, &words::measured(m, *x), Style::new())).collect();
             lines.push((7, self.facts(facts)));
         }
         if let Some([x, y, sample]) = row.first_invalid {
             let text = format!("first invalid sample: pixel {x}, {y}, sample {sample}");
             lines.push((6, self.fit(&text, self.look.bad())));
         }
-        let (end, gauge) = self.end(model, view, current, row);
-        lines.push((4, end));
-        lines.push((2, gauge));
+        let (end, style) = self.end(model, current);
+        // The second line of a long rule or reason goes before anything else does.
+        let parts = words::wrap(&end, self.width);
+        match &parts[..] {
+            [first, _, ..] => {
+                lines.push((4, Line::styled(first.clone(), style)));
+                lines.push((6, self.fit(&parts[1..].join(" "), style)));
+            }
+            _ => lines.push((4, Line::styled(end, style))),
+        }
+        lines.push((2, self.gauge(self.fraction(model, current, row))));
+        lines
+    }
+
+    /// As many lines as fit, the most important ones.
+    fn most_important(&self, mut lines: Vec<(u8, Line<'static>)>) -> Vec<Line<'static>> {
         while lines.len() > self.height.max(1) {
             let Some(least) = (0..lines.len()).max_by_key(|i| lines[*i].0) else { break };
             lines.remove(least);
@@ -148,29 +167,38 @@ impl Sheet {
         line
     }
 
-    fn technique(&self, config: &CellConfig) -> Line<'static> {
+    fn technique(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
         let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
-        Line::from(vec![
-            Span::styled(words::clean(&config.integrator), self.look.accent()),
-            Span::raw("  "),
-            Span::raw(words::fit(
-                long,
-                self.width.saturating_sub(config.integrator.len() + 2),
-                self.look.glyphs().ellipsis,
-            )),
+        let depth = config.max_depth.unwrap_or(scene.max_depth);
+        let edges = if depth == 1 { "edge" } else { "edges" };
+        self.facts(vec![
+            vec![Span::styled(words::clean(&config.integrator), self.look.accent())],
+            vec![Span::raw(long)],
+            vec![Span::raw(format!("{depth} {edges}"))],
         ])
     }
 
-    fn subject(&self, config: &CellConfig, scene: &SceneDesc) -> String {
+    fn subject(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
         let [w, h] = config.resolution.unwrap_or(scene.resolution);
-        let depth = config.max_depth.unwrap_or(scene.max_depth);
         let filter = match config.filter.kind {
             FilterKind::Box => "box",
             FilterKind::Gauss => "gauss",
         };
-        let (name, radius, backend) = (words::scene_name(&config.scene), config.filter.radius, &config.backend);
-        let edges = if depth == 1 { "edge" } else { "edges" };
-        words::clean(&format!("{name}  {w}x{h} px  {depth} {edges}  {filter} {radius} px  {backend}"))
+        let name = words::fit(&words::scene_name(&config.scene), self.width, self.look.glyphs().ellipsis);
+        let size = format!("{w}x{h} px");
+        let filter = format!("{filter} {} px", config.filter.radius);
+        let facts = [name, size, filter, words::clean(&config.backend)];
+        self.facts(facts.into_iter().map(|fact| vec![Span::raw(fact)]).collect())
+    }
+
+    fn device(&self, open: &OpenStats) -> Line<'static> {
+        let device = words::fit(&words::clean(&open.device), self.width, self.look.glyphs().ellipsis);
+        let mut facts = vec![vec![Span::styled(device, self.look.dim())]];
+        if open.accel_nodes > 0 {
+            let (build, nodes) = (words::duration(open.accel_build_s), words::count(open.accel_nodes));
+            facts.push(vec![Span::styled(format!("{nodes} BVH nodes built in {build}"), self.look.dim())]);
+        }
+        self.facts(facts)
     }
 
     fn speed(&self, row: &WaveRow) -> Line<'static> {
@@ -193,25 +221,29 @@ impl Sheet {
             self.fact("render", &words::duration(row.render_s), self.look.strong()),
             self.fact("wall", &words::duration(model.cell_wall_s(view.now_s)), Style::new()),
         ];
-        if let Some(eta) = model.cell_eta(view.now_s) {
+        if let Some(eta) = model.cell_eta(view.clock_s(model)) {
             facts.push(vec![Span::styled(title::time_left(self.look, eta), self.look.strong())]);
         }
         self.facts(facts)
     }
 
-    /// Why it ended, or when it will; and the gauge.
-    fn end(&self, model: &Model, view: &View, current: &Current, row: &WaveRow) -> (Line<'static>, Line<'static>) {
-        let rule = model.stop_rule(current.cell);
-        let (text, style) = match (model.entry(current.cell).map(|entry| &entry.state), rule) {
-            (Some(State::Done(reason)), _) => (format!("done: {reason}"), view.look.good()),
-            (Some(State::Failed(reason)), _) => (format!("failed: {reason}"), view.look.bad()),
-            (Some(State::Interrupted), _) => ("interrupted before its end".to_owned(), view.look.warn()),
-            (_, Some(rule)) => (format!("until {}", words::stop_rule(rule)), view.look.dim()),
-            (_, None) => (String::new(), view.look.dim()),
-        };
-        let settled = matches!(model.entry(current.cell).map(|e| &e.state), Some(State::Done(_) | State::Cached));
-        let fraction = if settled { Some(1.0) } else { rule.and_then(|rule| eta::fraction(rule, row)) };
-        (self.fit(&text, style), self.gauge(fraction))
+    /// Why it ended, or when it will.
+    fn end(&self, model: &Model, current: &Current) -> (String, Style) {
+        let look = self.look;
+        match (model.entry(current.cell).map(|entry| &entry.state), model.stop_rule(current.cell)) {
+            (Some(State::Done(reason)), _) => (format!("done: {reason}"), look.good()),
+            (Some(State::Failed(reason)), _) => (format!("failed: {reason}"), look.bad()),
+            (Some(State::Interrupted), _) => ("interrupted before its end".to_owned(), look.warn()),
+            (_, Some(rule)) => (format!("until {}", rule.describe()), look.dim()),
+            (_, None) => (String::new(), look.dim()),
+        }
+    }
+
+    fn fraction(&self, model: &Model, current: &Current, row: &WaveRow) -> Option<f64> {
+        match model.entry(current.cell).map(|entry| &entry.state) {
+            Some(State::Done(_) | State::Cached) => Some(1.0),
+            _ => model.stop_rule(current.cell).and_then(|rule| eta::fraction(rule, row)),
+        }
     }
 
     fn gauge(&self, fraction: Option<f64>) -> Line<'static> {

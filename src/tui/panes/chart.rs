@@ -27,6 +27,10 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     if metrics.len() > 1 {
         block = block.title_bottom(tabs(metrics, view, area.width));
     }
+    if spec.is_some() && current.is_some() {
+        let unit = Line::styled(format!(" over {} ", unit_of(view.chart_x)), look.dim());
+        block = block.title_bottom(unit.right_aligned());
+    }
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let (Some(spec), Some(current)) = (spec, current) else {
@@ -43,13 +47,13 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         return;
     }
     let threshold = model.stop_rule(current.cell).and_then(|rule| threshold(rule, &spec.column));
-    plot(frame, inner, look, spec, &points, threshold, view.chart_x);
+    plot(frame, inner, look, spec, &points, threshold);
 }
 
 /// Why there is no curve.
 fn note(current: &Current) -> &'static str {
     match current.cell {
-        CellRef::Reference(_) => "This is a reference: the others are measured against it, it against nothing.",
+        CellRef::Reference(_) => "This is a reference: cells are measured against it, so it has no error of its own.",
         CellRef::Cell(_)
             if current.reference.is_none() && current.curve.rows().iter().all(|r| r.metrics.is_empty()) =>
         {
@@ -74,6 +78,9 @@ fn headline(spec: Option<&MetricSpec>, current: Option<&Current>, view: &View, w
     if let Some(current) = current {
         if let Some(value) = current.curve.last().and_then(|row| row.metrics.get(view.metric)) {
             add(format!("{} ", words::number(*value)), look.accent());
+            if !spec.unit().is_empty() {
+                add(format!("{} ", spec.unit()), look.dim());
+            }
         }
         if spec.row.better == Better::Lower
             && let Some(slope) = current.curve.slope(view.metric, |row| x_of(row, view.chart_x))
@@ -92,12 +99,20 @@ fn tabs(metrics: &[MetricSpec], view: &View, width: u16) -> Line<'static> {
     let mut line = Line::from(" ");
     for (i, spec) in metrics.iter().take(9).enumerate() {
         let text = format!("{} {} ", i + 1, spec.column);
-        if line.width() + words::width(&text) + 2 > usize::from(width) {
+        // The unit of the other axis stands at the end of the line.
+        if line.width() + words::width(&text) + unit_of(view.chart_x).len() + 12 > usize::from(width) {
             break;
         }
         line.push_span(Span::styled(text, if i == view.metric { view.look.accent() } else { view.look.dim() }));
     }
     line
+}
+
+fn unit_of(axis: ChartX) -> &'static str {
+    match axis {
+        ChartX::RenderS => "render time, s",
+        ChartX::Samples => "samples, spp",
+    }
 }
 
 fn x_of(row: &WaveRow, axis: ChartX) -> f64 {
@@ -126,32 +141,25 @@ fn threshold(rule: &StopRule, column: &str) -> Option<f64> {
     }
 }
 
-fn plot(
-    frame: &mut Frame,
-    area: Rect,
-    look: Look,
-    spec: &MetricSpec,
-    points: &[(f64, f64)],
-    threshold: Option<f64>,
-    chart_x: ChartX,
-) {
+fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, points: &[(f64, f64)], threshold: Option<f64>) {
     if area.width < 16 || area.height < 4 {
         return;
     }
     // Errors fall by powers; a quality such as SSIM or PSNR does not, and may be zero or negative.
     let log_y = spec.row.better == Better::Lower && points.iter().any(|p| p.1 > 0.0);
     let scale_y = if log_y { Scale::Log } else { Scale::Linear };
+    let threshold = threshold.filter(|t| near(*t, points, scale_y));
     let values = points.iter().map(|p| p.1).chain(threshold);
     let y = Axis::around(values, scale_y, usize::from(area.height - 2) / 2);
     let x = Axis::around(points.iter().map(|p| p.0), Scale::Log, usize::from(area.width) / 10);
-    let gutter = y.ticks.iter().map(|tick| tick.label.len()).max().unwrap_or(0) as u16 + 1;
+    let gutter = y.ticks.iter().map(|tick| tick.label.len()).max().unwrap_or(0) as u16;
     let plot = Rect {
         x: area.x + gutter + 1,
         y: area.y,
         width: area.width.saturating_sub(gutter + 2),
         height: area.height - 2,
     };
-    axes(frame, area, plot, look, &x, &y, chart_x);
+    axes(frame, area, plot, look, &x, &y);
     if let Some(row) = threshold.and_then(|t| y.place(t)).map(|share| row_at(plot, share)) {
         let line = look.glyphs().threshold.repeat(usize::from(plot.width));
         frame.buffer_mut().set_string(plot.x, row, line, look.warn());
@@ -171,13 +179,23 @@ fn plot(
     frame.render_widget(canvas, plot);
 }
 
+/// Whether a threshold is so close to the curve that both can be seen on one chart: within two decades, or twice
+/// the height of the curve.
+fn near(threshold: f64, points: &[(f64, f64)], scale: Scale) -> bool {
+    let place = |y: f64| if scale == Scale::Log { y.log10() } else { y };
+    let ys = points.iter().map(|p| place(p.1)).filter(|y| y.is_finite());
+    let (low, high) = ys.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(y), h.max(y)));
+    let reach = if scale == Scale::Log { 2.0 } else { 2.0 * (high - low) };
+    (low - reach..=high + reach).contains(&place(threshold))
+}
+
 /// The row of characters in which a share of the height from below lies.
 fn row_at(plot: Rect, share: f64) -> u16 {
     let from_top = (1.0 - share) * f64::from(plot.height);
     plot.y + (from_top as u16).min(plot.height.saturating_sub(1))
 }
 
-fn axes(frame: &mut Frame, area: Rect, plot: Rect, look: Look, x: &Axis, y: &Axis, chart_x: ChartX) {
+fn axes(frame: &mut Frame, area: Rect, plot: Rect, look: Look, x: &Axis, y: &Axis) {
     let glyphs = look.glyphs();
     let buffer = frame.buffer_mut();
     let (axis_column, axis_row) = (plot.x - 1, plot.bottom());
@@ -195,20 +213,14 @@ fn axes(frame: &mut Frame, area: Rect, plot: Rect, look: Look, x: &Axis, y: &Axi
         let at = axis_column.saturating_sub(label.len() as u16).max(area.x);
         buffer.set_string(at, row, label, Style::new());
     }
-    let unit = match chart_x {
-        ChartX::RenderS => "render time, s",
-        ChartX::Samples => "samples, spp",
-    };
-    let unit_at = area.right().saturating_sub(unit.len() as u16);
-    buffer.set_string(unit_at, axis_row + 1, unit, look.dim());
     let mut free_from = area.x;
     for tick in &x.ticks {
         let Some(share) = x.place(tick.value) else { continue };
         let column = plot.x + ((share * f64::from(plot.width)) as u16).min(plot.width.saturating_sub(1));
         buffer.set_string(column, axis_row, glyphs.axis_x[1], look.dim());
         let length = tick.label.len() as u16;
-        let at = column.saturating_sub(length / 2);
-        if at >= free_from && at + length < unit_at {
+        let at = column.saturating_sub(length / 2).min(area.right().saturating_sub(length));
+        if at >= free_from && at + length <= area.right() {
             buffer.set_string(at, axis_row + 1, &tick.label, Style::new());
             free_from = at + length + 1;
         }

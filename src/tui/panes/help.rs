@@ -10,20 +10,25 @@ use super::pane;
 use crate::tui::look::Look;
 use crate::tui::model::Model;
 use crate::tui::view::View;
+use crate::tui::words;
 
 const KEYS: &[(&str, &str)] = &[
-    ("q  Ctrl-C", "stop after this wave; again: leave now"),
-    ("p  Space", "pause, go on"),
-    ("s", "give up the current cell"),
+    ("q Ctrl-C", "stop after this wave; again: leave now"),
+    ("p Space", "pause, go on"),
+    ("s", "give up this cell"),
+    ("Tab", "larger pane, in turn"),
     ("1 to 9", "metric of the chart"),
-    ("x", "chart over render time or samples"),
-    ("e  E", "picture darker, brighter by half a stop"),
-    ("Tab", "enlarge picture, chart, log in turn"),
-    ("j k  arrows", "scroll the plan, or the large log"),
-    ("PgUp  PgDn", "the same by a page; Home, End: ends"),
-    ("Esc", "all panes, following the current cell"),
-    ("?  F1", "this help"),
+    ("x", "chart over time or spp"),
+    ("e E", "picture darker, brighter"),
+    ("j k arrows", "scroll plan or large log"),
+    ("PgUp PgDn", "by a page"),
+    ("Home End", "to the first, to the last"),
+    ("Esc", "all panes, follow the night"),
+    ("? F1", "this help"),
 ];
+
+/// Columns of the keys and the spaces behind them.
+const KEY: usize = 12;
 
 fn signs(look: Look) -> Vec<Line<'static>> {
     let g = look.glyphs();
@@ -46,10 +51,14 @@ fn signs(look: Look) -> Vec<Line<'static>> {
 /// Draws the help.
 pub fn draw(frame: &mut Frame, area: Rect, _model: &Model, view: &View) {
     let look = view.look;
-    let mut lines: Vec<Line> = KEYS
-        .iter()
-        .map(|(key, text)| Line::from(vec![Span::styled(format!("{key:<13}"), look.accent()), Span::raw(*text)]))
-        .collect();
+    let room = usize::from(area.width).saturating_sub(KEY + 4);
+    let mut lines: Vec<Line> = Vec::new();
+    for (key, text) in KEYS {
+        for (i, part) in words::wrap(text, room).into_iter().enumerate() {
+            let key = if i == 0 { key } else { "" };
+            lines.push(Line::from(vec![Span::styled(format!("{key:<KEY$}"), look.accent()), Span::raw(part)]));
+        }
+    }
     lines.push(Line::default());
     lines.extend(signs(look));
     let width = (lines.iter().map(Line::width).max().unwrap_or(0) as u16 + 4).min(area.width);

@@ -114,6 +114,9 @@ fn three_columns(body: Rect, focus: Focus) -> Regions {
     Regions { plan: left, cell, chart, picture, log, ..Regions::default() }
 }
 
+/// Draws one pane.
+type Draw = fn(&mut Frame, Rect, &Model, &View);
+
 /// Draws everything.
 pub fn draw(frame: &mut Frame, model: &Model, view: &View) {
     let area = frame.area();
@@ -124,14 +127,13 @@ pub fn draw(frame: &mut Frame, model: &Model, view: &View) {
     let regions = regions(area, view.focus);
     title::draw(frame, regions.title, model, view);
     title::hints(frame, regions.hints, model, view);
-    let panes: [(Rect, fn(&mut Frame, Rect, &Model, &View)); 5] = [
-        (regions.plan, plan::draw),
+    for (area, draw) in [
+        (regions.plan, plan::draw as Draw),
         (regions.cell, cell::draw),
         (regions.chart, chart::draw),
         (regions.picture, picture::draw),
         (regions.log, log::draw),
-    ];
-    for (area, draw) in panes {
+    ] {
         if area.width > 2 && area.height > 2 {
             draw(frame, area, model, view);
         }

@@ -162,12 +162,7 @@ impl<'m> Table<'m> {
         let references = self.model.references.len();
         let cell = if row < references { CellRef::Reference(row) } else { CellRef::Cell(row - references) };
         let Some(entry) = self.model.entry(cell) else { return Line::default() };
-        let label = match cell {
-            CellRef::Cell(i) if !self.axes.is_empty() => {
-                self.axis_texts(|column| column.values.get(i).map_or("", String::as_str))
-            }
-            _ => self.model.plan.as_ref().map_or_else(String::new, |plan| words::cell_name(plan, cell)),
-        };
+        let label = self.label(cell);
         let (glyph, style) = self.sign(entry);
         let text = match entry.state {
             State::Waiting => self.view.look.dim(),
@@ -189,6 +184,24 @@ impl<'m> Table<'m> {
         }
         spans.push(Span::styled(line, text));
         Line::from(spans)
+    }
+
+    /// What a cell is: its values in the axis columns; or the longest name of a reference that fits.
+    fn label(&self, cell: CellRef) -> String {
+        let name = self.model.plan.as_ref().map_or_else(String::new, |plan| words::cell_name(plan, cell));
+        match cell {
+            CellRef::Cell(i) if !self.axes.is_empty() => {
+                self.axis_texts(|column| column.values.get(i).map_or("", String::as_str))
+            }
+            CellRef::Cell(_) => name,
+            CellRef::Reference(i) => {
+                let technique = name.split(' ').next().unwrap_or("");
+                let names =
+                    [format!("reference {name}"), format!("reference {technique}"), format!("reference {}", i + 1)];
+                let fitting = names.iter().find(|name| words::width(name) <= self.label);
+                fitting.cloned().unwrap_or_else(|| format!("ref {}", i + 1))
+            }
+        }
     }
 
     fn sign(&self, entry: &Entry) -> (&'static str, Style) {

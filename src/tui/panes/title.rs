@@ -54,10 +54,10 @@ fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
     if failed > 0 {
         facts.push((format!("{failed} failed"), look.bad()));
     }
-    if let Some(eta) = model.night_eta(view.now_s) {
+    if let Some(eta) = model.night_eta(view.clock_s(model)) {
         facts.push((time_left(look, eta), look.strong()));
     }
-    facts.push((format!("{} gone", words::duration(model.night_s(view.now_s))), look.dim()));
+    facts.push((format!("{} elapsed", words::duration(model.night_s(view.now_s))), look.dim()));
     if model.invalid() > 0 {
         facts.push((format!("{} invalid", words::count(model.invalid())), look.bad()));
     }
@@ -72,16 +72,17 @@ fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
     let (word, style) = status(model, view);
-    let left = Line::from(vec![
-        Span::styled(" Lumbre", look.accent()),
-        Span::raw("  "),
-        Span::styled(night_name(model), look.strong()),
-        Span::raw("  "),
-        Span::styled(word, style),
-    ]);
+    let facts = facts(model, view);
+    let mut left = Line::from(Span::styled(" Lumbre", look.accent()));
+    let first = facts.first().map_or(0, |(text, _)| words::width(text) + 2);
+    let name = night_name(model);
+    if left.width() + words::width(&name) + word.len() + first + 6 <= usize::from(area.width) {
+        left.extend([Span::raw("  "), Span::styled(name, look.strong())]);
+    }
+    left.extend([Span::raw("  "), Span::styled(word, style)]);
     let mut room = usize::from(area.width).saturating_sub(left.width() + 2);
     let mut right: Vec<Span> = Vec::new();
-    for (text, style) in facts(model, view) {
+    for (text, style) in facts {
         let needed = words::width(&text) + 2;
         if needed > room {
             break;

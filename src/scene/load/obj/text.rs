@@ -329,16 +329,16 @@ impl Pass {
     fn finish(mut self) -> Checked {
         let c = &self.counts;
         let rows = [
-            (c.lines_and_points, "line and point elements have no surface: ignored"),
-            (c.short_faces, "faces with fewer than three corners: left out"),
-            (c.concave_faces, "concave polygons: cut as fans from their first corner, which covers too much"),
-            (c.bad_uvs, "texture coordinates that are not finite: replaced by (0, 0)"),
-            (c.bad_normals, "normals without a direction: the face's own normal is used"),
-            (c.partial_faces, "faces where only some corners have normals or texture coordinates: these are ignored"),
+            (c.lines_and_points, "line and point elements, which have no surface, are ignored"),
+            (c.short_faces, "faces with fewer than three corners are left out"),
+            (c.concave_faces, "concave polygons are cut as fans from their first corner, which covers too much"),
+            (c.bad_uvs, "texture coordinates that are not finite are replaced by (0, 0)"),
+            (c.bad_normals, "normals without a direction are replaced by the face's own"),
+            (c.partial_faces, "normals or texture coordinates of only some corners of a face are ignored"),
         ];
         for ((n, line), message) in rows {
             if n > 0 {
-                self.notes.push((format!("line {line}"), format!("{n} {message}")));
+                self.notes.push((format!("line {line}"), format!("{message}: {n}")));
             }
         }
         if self.groups.is_empty() {
@@ -417,9 +417,12 @@ mod tests {
         let text = "v 0 0 0\nv 2 0 0\nv 0.1 0.1 0\nv 0 2 0\nvn 0 0 0\nvt nan 0\nl 1 2\np 1\nf 1 2\nf 2 3 4 1\nf 1//1 2 3\ncurv 0 1\ncurv 0 1\n";
         let notes = check(text).unwrap().notes;
         let all: Vec<String> = notes.iter().map(|(p, m)| format!("{p}: {m}")).collect();
-        for part in
-            ["line 7: 2 line and point", "line 9: 1 faces with", "line 12: statements `curv`", "line 11: 1 faces where"]
-        {
+        for part in [
+            "line 7: line and point elements, which have no surface, are ignored: 2",
+            "line 9: faces with fewer than three corners are left out: 1",
+            "line 12: statements `curv`",
+            "line 11: normals or texture coordinates of only some",
+        ] {
             assert!(all.iter().any(|n| n.contains(part)), "{part} in {all:?}");
         }
         for part in ["normals without a direction", "texture coordinates that are not finite"] {

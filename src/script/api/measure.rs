@@ -1,0 +1,239 @@
+//! Measuring: metrics and tone maps from their tables, and `x:measure`.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::{Lua, MultiValue, UserData, Value as LuaValue};
+
+use super::axis::is_name;
+use super::{ApiFn, Args, Param, kind};
+use crate::experiment::spec::{Measure, Snapshots};
+use crate::metrics::tonemap::{TONEMAPS, Tonemap};
+use crate::metrics::{METRICS, MetricSpec};
+use crate::script::error::ScriptError;
+use crate::script::source::Place;
+use crate::script::state::Shared;
+use crate::script::strict;
+use crate::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
+use crate::value::{Value, suggest};
+
+/// Most metric columns of one experiment.
+const MAX_COLUMNS: usize = 64;
+
+/// Shortest time between two measurements in seconds: below it, measuring would take longer than rendering.
+const MIN_EVERY_S: f64 = 0.01;
+
+/// Names that other columns of the same files have.
+const RESERVED: &[&str] = &[
+    "wave", "samples", "render_s", "wall_s", "paths", "rays", "invalid", "mpaths_s", "cell", "rep", "outcome", "stop",
+];
+
+/// `keep` in `x:measure`.
+pub const KEEP: Table = Table {
+    name: "Keep",
+    doc: "Which pictures are kept of every run.",
+    fields: &[Field {
+        key: "exr",
+        ty: Ty::Word(&["last", "pow2"]),
+        required: false,
+        default: "last",
+        doc: "`last` keeps the final picture, `pow2` also one at every power of two of samples per pixel",
+    }],
+};
+
+/// The table that `x:measure` takes; every other key is a metric column.
+pub const MEASURE: Table = Table {
+    name: "Measure",
+    doc: "What is measured while a cell renders. Every other key names a column and holds a metric: rmse = metric.rmse().",
+    fields: &[
+        Field {
+            key: "every",
+            ty: Ty::Duration,
+            required: false,
+            default: "\"0.5s\"",
+            doc: "longest render time between two measurements",
+        },
+        Field { key: "keep", ty: Ty::Table(&KEEP), required: false, default: "", doc: "which pictures are kept" },
+        Field {
+            key: "display",
+            ty: Ty::Any("Tonemap"),
+            required: false,
+            default: "tonemap.srgb()",
+            doc: "the tone map of PNG files and of the live picture",
+        },
+    ],
+};
+
+/// The method that declares the measurements.
+pub const METHODS: &[ApiFn] = &[ApiFn {
+    name: "x:measure",
+    params: &[Param { name: "options", ty: "Measure", doc: "Metric columns, and how often they are computed." }],
+    returns: "",
+    doc: "Says what is measured against the reference while a cell renders, and which pictures are kept.",
+    call: measure,
+}];
+
+/// A metric as scripts hold it before it has a column.
+#[derive(Clone, Debug)]
+pub struct MetricObject(MetricSpec);
+
+impl UserData for MetricObject {}
+
+/// Puts `metric.NAME` and `tonemap.NAME` into the globals, one for each row of their tables.
+///
+/// # Errors
+/// When there is no memory.
+pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
+    let metrics = lua.create_table()?;
+    for row in METRICS {
+        let shared = Rc::clone(shared);
+        metrics.raw_set(
+            row.name,
+            lua.create_function(move |lua, values: MultiValue| {
+                let path = format!("metric.{}", row.name);
+                let made = options(values, &path).and_then(|o| MetricSpec::new(&path, row.name, o));
+                match made {
+                    Ok(spec) => lua.create_userdata(MetricObject(spec)),
+                    Err(e) => Err(blame_here(&shared, lua, e)),
+                }
+            })?,
+        )?;
+    }
+    lua.globals().raw_set("metric", metrics)?;
+    let tonemaps = lua.create_table()?;
+    for (name, _) in TONEMAPS {
+        let shared = Rc::clone(shared);
+        tonemaps.raw_set(
+            *name,
+            lua.create_function(move |lua, values: MultiValue| {
+                let path = format!("tonemap.{name}");
+                let made = options(values, &path).and_then(|mut map| {
+                    if map.insert("kind".to_owned(), Value::from(*name)).is_some() {
+                        let known = TONEMAPS.iter().filter(|(n, _)| n == name).flat_map(|(_, t)| t.fields);
+                        return Err(unknown_name(&format!("{path}.kind"), "kind", "key", known.map(|f| f.key)));
+                    }
+                    Tonemap::from_value(&path, &Value::Map(map.clone())).map(|_| map)
+                });
+                match made {
+                    Ok(map) => data_table(lua, &map),
+                    Err(e) => Err(blame_here(&shared, lua, e)),
+                }
+            })?,
+        )?;
+    }
+    lua.globals().raw_set("tonemap", tonemaps)
+}
+
+fn blame_here(shared: &Shared, lua: &Lua, error: SchemaError) -> mlua::Error {
+    let place = shared.here(lua);
+    mlua::Error::external(shared.sources.borrow().blame(&place, error))
+}
+
+/// The options that a constructor got: nothing, or one table.
+fn options(values: MultiValue, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
+    let fail = |problem: String| Err(SchemaError { path: path.to_owned(), problem, help: None, key: String::new() });
+    if values.len() > 1 {
+        return fail(format!("expected one table of options, found {} arguments", values.len()));
+    }
+    match values.into_iter().next() {
+        None | Some(LuaValue::Nil) => Ok(BTreeMap::new()),
+        Some(LuaValue::Table(table)) => {
+            let mut map = BTreeMap::new();
+            for (key, value) in strict::entries(&table, path)? {
+                let value = strict::read(&value, &format!("{path}.{key}"), &key)?;
+                map.insert(key, value);
+            }
+            Ok(map)
+        }
+        Some(other) => fail(format!("expected a table of options, found {}", kind(&other))),
+    }
+}
+
+/// A flat map of numbers and text as a Lua table.
+fn data_table(lua: &Lua, map: &BTreeMap<String, Value>) -> mlua::Result<mlua::Table> {
+    let table = lua.create_table()?;
+    for (key, value) in map {
+        match value {
+            Value::Int(i) => table.raw_set(key.as_str(), *i)?,
+            Value::Num(x) => table.raw_set(key.as_str(), *x)?,
+            other => table.raw_set(key.as_str(), other.to_string())?,
+        }
+    }
+    Ok(table)
+}
+
+/// What is measured when a script says nothing: the picture alone.
+pub fn nothing() -> Measure {
+    Measure { every_s: 0.5, metrics: Vec::new(), snapshots: Snapshots::Last, display: Tonemap::Srgb { exposure: 0.0 } }
+}
+
+fn measure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let table = args.table(shared, 0, "options")?;
+    let said = read(&table).map_err(|e| args.blame(shared, e))?;
+    let mut builder = shared.builder.borrow_mut();
+    if let Some((_, Place { line, .. })) = &builder.measure {
+        return Err(args.error(shared, format!("said twice: the first is in line {line}"), None));
+    }
+    builder.measure = Some((said, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+fn read(table: &mlua::Table) -> Result<Measure, SchemaError> {
+    let fields = strict::fields(table, &MEASURE, "measure", true)?;
+    let mut measure = nothing();
+    if let Some(every) = fields.values.get("every").and_then(duration_s) {
+        if every < MIN_EVERY_S {
+            let problem = format!("{every} s is too short: expected at least {MIN_EVERY_S} s");
+            return Err(SchemaError { path: "measure.every".to_owned(), problem, help: None, key: "every".to_owned() });
+        }
+        measure.every_s = every;
+    }
+    let keep = fields.values.get("keep").and_then(Value::as_map).and_then(|k| k.get("exr")).and_then(Value::as_str);
+    if keep == Some("pow2") {
+        measure.snapshots = Snapshots::Pow2;
+    }
+    if let Some(display) = fields.values.get("display") {
+        measure.display = Tonemap::from_value("measure.display", display)?;
+    }
+    for (column, value) in &fields.extra {
+        measure.metrics.push(metric_column(column, value)?);
+    }
+    if measure.metrics.len() > MAX_COLUMNS {
+        let problem = format!("more than {MAX_COLUMNS} metric columns");
+        return Err(SchemaError { path: "measure".to_owned(), problem, help: None, key: String::new() });
+    }
+    Ok(measure)
+}
+
+fn metric_column(column: &str, value: &LuaValue) -> Result<MetricSpec, SchemaError> {
+    let path = format!("measure.{column}");
+    let fail = |problem: String, help: Option<String>| {
+        Err(SchemaError { path: path.clone(), problem, help, key: column.to_owned() })
+    };
+    let object = match value {
+        LuaValue::UserData(data) => data.borrow::<MetricObject>().ok().map(|m| m.0.clone()),
+        _ => None,
+    };
+    let Some(mut spec) = object else {
+        // Whoever misspells an option writes no metric; whoever forgets the brackets writes a function.
+        let options = MEASURE.fields.iter().map(|f| f.key);
+        let help = match (value, suggest::nearest(column, options)) {
+            (LuaValue::Function(_), _) => Some("metrics are called: metric.rmse()".to_owned()),
+            (_, Some(near)) => Some(format!("did you mean `{near}`?")),
+            _ => Some("columns hold metrics, such as metric.rmse()".to_owned()),
+        };
+        return fail(format!("expected a metric, found {}", kind(value)), help);
+    };
+    if !is_name(column) {
+        return fail(
+            "cannot name a column".to_owned(),
+            Some("letters, digits and `_`, not starting with a digit, at most 40".to_owned()),
+        );
+    }
+    if RESERVED.contains(&column) {
+        return fail(format!("`{column}` is always recorded: choose another name for the metric"), None);
+    }
+    spec.column = column.to_owned();
+    Ok(spec)
+}

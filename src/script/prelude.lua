@@ -1,0 +1,123 @@
+-- Runs once in every new state, before any script, and leaves the globals that a script may use.
+--
+-- A debug hook counts instructions and ends what runs too long. It cannot count inside the C functions of Lua's own
+-- libraries, nor inside finalizers and error handlers, so whatever could stay there for long is guarded here.
+
+local native = ...
+
+local raw_pcall, raw_pairs, raw_setmetatable = pcall, pairs, setmetatable
+local error, getmetatable, next, rawget, tonumber, tostring, type =
+  error, getmetatable, next, rawget, tonumber, tostring, type
+local concat, pack, sort = table.concat, table.pack, table.sort
+local within_limits, plain_table, quick_pattern = native.within_limits, native.plain_table, native.quick_pattern
+
+local MOST = 10000000 -- elements that one call may visit
+local LONGEST = 1 << 28 -- bytes that string.rep may make
+
+local allowed = {}
+for _, name in next, { "_G", "_VERSION", "assert", "error", "getmetatable", "ipairs", "math", "next", "pairs", "pcall",
+  "print", "rawequal", "rawget", "rawlen", "rawset", "require", "select", "setmetatable", "string", "table",
+  "tonumber", "tostring", "type", "utf8", "xpcall" } do
+  allowed[name] = true
+end
+for name in next, _G do
+  if not allowed[name] then _G[name] = nil end
+end
+string.dump, math.random, math.randomseed = nil, nil, nil
+
+-- An expired limit must not be caught: it is raised again outside the protected call.
+local function passed(...)
+  within_limits()
+  return ...
+end
+
+function pcall(f, ...)
+  return passed(raw_pcall(f, ...))
+end
+
+-- Lua would run the handler before leaving the failed call, where no limit reaches it.
+local function handled(handler, ok, ...)
+  if ok then return ok, ... end
+  return ok, handler(...)
+end
+
+function xpcall(f, handler, ...)
+  return handled(handler, passed(raw_pcall(f, ...)))
+end
+
+-- Finalizers run where no limit reaches them.
+function setmetatable(t, meta)
+  if type(meta) == "table" and rawget(meta, "__gc") ~= nil then
+    error("finalizers (__gc) are not available in scripts", 2)
+  end
+  return raw_setmetatable(t, meta)
+end
+
+-- Lua's own order of named keys changes from run to run; a sweep built in a loop must not.
+local function before(a, b)
+  local ta, tb = type(a), type(b)
+  if ta ~= tb then return ta < tb end
+  if ta == "number" or ta == "string" then return a < b end
+  return false
+end
+
+function pairs(t)
+  local meta = getmetatable(t)
+  if type(t) ~= "table" or (type(meta) == "table" and rawget(meta, "__pairs") ~= nil) then return raw_pairs(t) end
+  local keys, n = {}, 0
+  for key in next, t do
+    n = n + 1
+    keys[n] = key
+  end
+  sort(keys, before)
+  local i = 0
+  return function()
+    while i < n do
+      i = i + 1
+      local value = rawget(t, keys[i])
+      if value ~= nil then return keys[i], value end
+    end
+  end, t, nil
+end
+
+function print(...)
+  local parts = pack(...)
+  for i = 1, parts.n do parts[i] = tostring(parts[i]) end
+  native.log(concat(parts, "\t"))
+end
+
+-- Library functions that loop in C as often as their arguments say.
+local function guard(library, name, check)
+  local raw = library[name]
+  library[name] = function(...)
+    check(...)
+    return raw(...)
+  end
+end
+
+local function few(from, to)
+  from, to = tonumber(from), tonumber(to)
+  if from and to and to - from > MOST then
+    error("this would visit more than " .. MOST .. " elements", 4)
+  end
+end
+
+guard(table, "insert", plain_table)
+guard(table, "remove", plain_table)
+guard(table, "sort", plain_table)
+guard(table, "unpack", function(t, from, to) plain_table(t) few(from or 1, to) end)
+guard(table, "concat", function(t, _, from, to) plain_table(t) few(from or 1, to) end)
+guard(table, "move", function(_, from, to) few(from, to) end)
+guard(string, "rep", function(text, n, separator)
+  local length = #tostring(text) + #tostring(separator or "")
+  n = tonumber(n)
+  if n and n > 0 and (n > LONGEST or n * length > LONGEST) then
+    error("string.rep would make more than " .. (LONGEST >> 20) .. " MiB", 3)
+  end
+end)
+for _, name in next, { "match", "gmatch", "gsub" } do
+  guard(string, name, function(text, pattern) quick_pattern(text, pattern, false) end)
+end
+guard(string, "find", function(text, pattern, _, plain) quick_pattern(text, pattern, plain) end)
+
+getmetatable("").__metatable = false

@@ -1,0 +1,268 @@
+//! The texts of a script and the modules it requires, and how an error finds its line in them.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::NamedSource;
+
+use super::error::{Problem, ScriptError, Spot};
+use super::locate;
+use crate::value::schema::SchemaError;
+
+/// Largest script or module that is read, in bytes.
+pub const MAX_BYTES: u64 = 4 << 20;
+
+/// Longest chunk name: Lua shortens longer ones in its messages, and they could not be told apart.
+const MAX_CHUNK_NAME: usize = 48;
+
+/// Where in the script something was said.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Index of the text in [`Sources`].
+    pub source: usize,
+    /// Line of a call, or the first line of a function.
+    pub line: usize,
+    /// The last line of a function; `None` for a call.
+    pub last: Option<usize>,
+}
+
+/// One text.
+#[derive(Debug)]
+pub struct Source {
+    /// The name by which Lua calls it in messages.
+    pub chunk: String,
+    /// Its file.
+    pub file: PathBuf,
+    /// Its text, with the name that people see.
+    pub text: Arc<NamedSource<String>>,
+}
+
+/// Every text of one script; the script itself is the first.
+#[derive(Debug, Default)]
+pub struct Sources {
+    texts: Vec<Source>,
+}
+
+/// Reads a Lua text.
+///
+/// # Errors
+/// When it is no readable file, larger than [`MAX_BYTES`], bytecode, or not UTF-8.
+pub fn read(file: &Path) -> Result<String, ScriptError> {
+    let fail = |problem, help: Option<&str>| Err(ScriptError::new(file, problem, help.map(str::to_owned), None));
+    let unreadable =
+        |e: std::io::Error| ScriptError::new(file, Problem::Unreadable { reason: e.to_string() }, None, None);
+    let metadata = std::fs::metadata(file).map_err(unreadable)?;
+    if !metadata.is_file() {
+        return fail(Problem::Unreadable { reason: "it is not a regular file".to_owned() }, None);
+    }
+    let mut bytes = Vec::new();
+    std::fs::File::open(file).map_err(unreadable)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        let bytes = metadata.len().max(bytes.len() as u64);
+        return fail(Problem::TooLarge { bytes, limit: MAX_BYTES }, Some("is this really a script?"));
+    }
+    if bytes.first() == Some(&0x1b) {
+        let found = "it is compiled Lua bytecode".to_owned();
+        return fail(Problem::NotText { found }, Some("give the `.lua` text it was compiled from"));
+    }
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
+        Err(e) => {
+            let at = e.utf8_error().valid_up_to();
+            let line = 1 + e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count();
+            let found = format!("byte {} in line {line} is not UTF-8", at + 1);
+            fail(Problem::NotText { found }, Some("save it as UTF-8"))
+        }
+    }
+}
+
+impl Sources {
+    /// Takes in a text and returns its index. `name` is how messages call it.
+    pub fn add(&mut self, name: &str, file: &Path, text: String) -> usize {
+        let index = self.texts.len();
+        let taken = |chunk: &str| self.texts.iter().any(|s| s.chunk == chunk);
+        let short: String = name.chars().filter(|c| !c.is_control()).collect();
+        let chunk = if short.is_empty() || short.len() > MAX_CHUNK_NAME || taken(&short) {
+            let mut tail = short.len().saturating_sub(MAX_CHUNK_NAME - 12);
+            while !short.is_char_boundary(tail) {
+                tail += 1;
+            }
+            format!("{index}~{}", &short[tail..])
+        } else {
+            short
+        };
+        let text = Arc::new(NamedSource::new(file.to_string_lossy(), text));
+        self.texts.push(Source { chunk, file: file.to_owned(), text });
+        index
+    }
+
+    /// How many texts there are.
+    pub fn count(&self) -> usize {
+        self.texts.len()
+    }
+
+    /// The text at `index`, as [`Sources::add`] returned it.
+    pub fn get(&self, index: usize) -> &Source {
+        &self.texts[index]
+    }
+
+    /// The index of the text that Lua calls `chunk` (with or without Lua's leading `@`).
+    pub fn by_chunk(&self, chunk: &str) -> Option<usize> {
+        let chunk = chunk.strip_prefix('@').unwrap_or(chunk);
+        self.texts.iter().position(|s| s.chunk == chunk)
+    }
+
+    /// Splits a Lua message of the form `chunk:line: message` whose chunk is one of these texts.
+    pub fn split_message<'m>(&self, message: &'m str) -> Option<(Place, &'m str)> {
+        self.texts.iter().enumerate().find_map(|(source, s)| {
+            let rest = message.strip_prefix(s.chunk.as_str())?.strip_prefix(':')?;
+            let (line, rest) = rest.split_once(':')?;
+            Some((Place { source, line: line.parse().ok()?, last: None }, rest.trim_start()))
+        })
+    }
+
+    /// The innermost place in these texts that a Lua traceback names.
+    pub fn in_traceback(&self, traceback: &str) -> Option<Place> {
+        traceback.lines().find_map(|line| self.split_message(line.trim_start()).map(|(place, _)| place))
+    }
+
+    /// An error at the line of a place.
+    pub fn error(&self, place: &Place, problem: Problem, help: Option<String>) -> ScriptError {
+        let source = self.get(place.source);
+        let span = locate::line_span(source.text.inner(), place.line);
+        self.error_at(source, span, place.line, problem, help)
+    }
+
+    /// An error about a field or an argument at the line of a place.
+    pub fn field(&self, place: &Place, path: &str, problem: impl Into<String>, help: Option<String>) -> ScriptError {
+        self.error(place, Problem::Field { path: path.to_owned(), problem: problem.into() }, help)
+    }
+
+    /// An error about a field, at the line where its key is written if that can be found from the place.
+    pub fn blame(&self, place: &Place, error: SchemaError) -> ScriptError {
+        let source = self.get(place.source);
+        let text = source.text.inner().as_str();
+        let steps = keys_of(&error);
+        let keys: Vec<&str> = steps.iter().map(String::as_str).collect();
+        let missing = error.key.is_empty();
+        let mut span = if missing && keys.len() <= 1 {
+            place.last.and_then(|last| locate::find_returned_table(text, place.line, last))
+        } else {
+            locate::find_key(text, place.line, place.last, &keys)
+        };
+        if missing && span.is_none() {
+            span = place.last.and_then(|last| locate::find_returned_table(text, place.line, last));
+        }
+        let problem = Problem::Field { path: error.path, problem: error.problem };
+        match span {
+            Some(span) => self.error_at(source, span, locate::line_of(text, span.0), problem, error.help),
+            None => self.error(place, problem, error.help),
+        }
+    }
+
+    fn error_at(
+        &self,
+        source: &Source,
+        span: (usize, usize),
+        line: usize,
+        problem: Problem,
+        help: Option<String>,
+    ) -> ScriptError {
+        let spot = Spot { text: Arc::clone(&source.text), span: span.into(), line };
+        ScriptError::new(&source.file, problem, help, Some(spot))
+    }
+
+    /// blake3 of the script's text, then of every module with its name, in the order of the names. The script's own
+    /// name does not count: a renamed script says the same.
+    pub fn hash(&self) -> [u8; 32] {
+        let mut order: Vec<(&str, &str)> =
+            self.texts.iter().map(|s| (s.chunk.as_str(), s.text.inner().as_str())).collect();
+        if let Some(script) = order.first_mut() {
+            script.0 = "";
+        }
+        order.sort_unstable();
+        let mut hasher = blake3::Hasher::new();
+        for (name, text) in order {
+            for part in [name.as_bytes(), text.as_bytes()] {
+                hasher.update(&(part.len() as u64).to_le_bytes());
+                hasher.update(part);
+            }
+        }
+        *hasher.finalize().as_bytes()
+    }
+}
+
+/// The keys on an error's path, outermost first; list indices are dropped, and the last key may hold dots.
+fn keys_of(error: &SchemaError) -> Vec<String> {
+    let parents = match error.path.strip_suffix(error.key.as_str()) {
+        Some(parents) if !error.key.is_empty() => parents,
+        _ => error.path.as_str(),
+    };
+    let mut keys: Vec<String> = parents
+        .split('.')
+        .map(|step| step.split('[').next().unwrap_or(step).to_owned())
+        .filter(|step| !step.is_empty())
+        .collect();
+    if !error.key.is_empty() && keys.last() != Some(&error.key) {
+        keys.push(error.key.clone());
+    }
+    keys
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sources() -> Sources {
+        let mut sources = Sources::default();
+        sources.add("a.lua", Path::new("dir/a.lua"), "x = 1\ny = { aa = { bad = 2 } }\n".to_owned());
+        sources
+    }
+
+    #[test]
+    fn messages_are_split_only_for_known_texts() {
+        let s = sources();
+        let (place, rest) = s.split_message("a.lua:2: attempt: to fly").unwrap();
+        assert_eq!((place.line, rest), (2, "attempt: to fly"));
+        assert_eq!(s.split_message("b.lua:2: no"), None);
+        assert_eq!(s.in_traceback("stack traceback:\n\t[C]: in ?\n\ta.lua:1: in main chunk").unwrap().line, 1);
+    }
+
+    #[test]
+    fn fields_are_found_by_their_path() {
+        let s = sources();
+        let place = Place { source: 0, line: 2, last: None };
+        let error = SchemaError {
+            path: "y.aa.bad".to_owned(),
+            problem: "unknown".to_owned(),
+            help: None,
+            key: "bad".to_owned(),
+        };
+        let e = s.blame(&place, error);
+        assert_eq!((e.line(), e.pointed_at()), (Some(2), Some("bad")));
+        assert_eq!(e.to_string(), "dir/a.lua:2: y.aa.bad: unknown");
+    }
+
+    #[test]
+    fn keys_with_dots_stay_whole() {
+        let error = SchemaError {
+            path: "render.set.materials.egg.ior".to_owned(),
+            problem: String::new(),
+            help: None,
+            key: "materials.egg.ior".to_owned(),
+        };
+        assert_eq!(keys_of(&error), ["render", "set", "materials.egg.ior"]);
+    }
+
+    #[test]
+    fn long_and_equal_names_stay_apart() {
+        let mut s = sources();
+        let long = format!("{}.lua", "é".repeat(80));
+        let (a, b) =
+            (s.add(&long, Path::new("l"), String::new()), s.add("a.lua", Path::new("other/a.lua"), String::new()));
+        assert!(s.get(a).chunk.len() <= MAX_CHUNK_NAME);
+        assert_ne!(s.get(b).chunk, "a.lua");
+        assert_eq!(s.by_chunk(&format!("@{}", s.get(a).chunk)), Some(a));
+    }
+}
