@@ -1,4 +1,5 @@
 //! The program end to end, on the mock backend: what is printed, what is written, and how it exits.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 #[path = "cli/errors.rs"]
 mod errors;

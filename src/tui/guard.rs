@@ -70,6 +70,11 @@ impl Drop for Guard {
     }
 }
 
+/// Gives the terminal back at once, if it is taken: for those who are about to end the process.
+pub fn give_back_now() {
+    give_back_in_panic();
+}
+
 fn give_back() {
     // The closure of a guard never outlives the lock: what is taken out here runs exactly once.
     let restore = RESTORE.lock().unwrap_or_else(PoisonError::into_inner).take();
