@@ -54,7 +54,9 @@ fn scene(file: &Path) -> Result<String, Failure> {
     };
     let (compiled, notes) = read().map_err(Failure::usage)?;
     for note in &notes {
-        talk(&format!("note: {note}"));
+        // What compiling notes is about the scene as a whole, which several files may have made.
+        let whole = note.file.as_os_str().is_empty();
+        talk(&if whole { format!("note: {}: {note}", file.display()) } else { format!("note: {note}") });
     }
     let [width, height] = compiled.resolution;
     Ok(format!(

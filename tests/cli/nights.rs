@@ -169,3 +169,22 @@ fn a_backend_of_the_command_line_wins() {
     assert_eq!(plan["cells"][0]["backend"], "mock");
     assert!(place.fail(2, &["plan", "night.lua", "--backend", "mok"]).contains("did you mean `mock`"));
 }
+
+/// A limit on the size of files stands in for a full disk: pictures do not fit, everything small does.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
+    let place = Workplace::new();
+    let script = place.read("night.lua").replace("resolution = { 24, 16 }", "resolution = { 160, 120 }");
+    place.write("night.lua", &script);
+    let limited = format!("trap '' XFSZ; ulimit -f 60; exec '{}' run night.lua", env!("CARGO_BIN_EXE_lumbre"));
+    let output = std::process::Command::new("sh").args(["-c", &limited]).current_dir(place.path(".")).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("cannot write") && said.contains("ref.exr"), "{said}");
+    let files = place.files("out");
+    let half = |f: &&String| f.ends_with(".tmp") || f.ends_with(".exr") || f.ends_with("done.json");
+    assert_eq!(files.iter().find(half), None);
+    place.succeed(&["run", "night.lua", "-q"]);
+    assert_eq!(place.finished().len(), 4);
+}
