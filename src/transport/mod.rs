@@ -22,7 +22,7 @@
 //! | p(omega) | `pdf_w` |
 //! | p(x) | `pdf_a` |
 //! | eta = n_i / n_t | `eta` |
-//! | k | [`contribution::Contribution::depth`] |
+//! | k = s + t - 1 | [`contribution::Contribution::depth`] |
 //!
 //! # Bibliography
 //! [Kajiya 1986] The Rendering Equation. [Veach 1997] Robust Monte Carlo Methods for Light Transport Simulation.

@@ -47,13 +47,11 @@ impl<'a> Surface<'a> {
         } else {
             let sphere = &scene.spheres[i - scene.triangles.len()];
             let n = (ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir);
-            let longitude = n.x.atan2(n.z) / std::f32::consts::TAU + 0.5;
-            let latitude = n.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
             Surface {
                 position: sphere.center + n * sphere.radius,
                 n_geometric: n,
                 n_shading: n,
-                uv: Vec2::new(longitude, 1.0 - latitude),
+                uv: sphere_uv(n),
                 material: &scene.materials[sphere.material as usize],
                 emitter: sphere.emitter,
             }
@@ -87,4 +85,12 @@ impl<'a> Surface<'a> {
 #[inline]
 pub fn lookup(textures: &[Texture], texture: u32, uv: Vec2, tiling: f32) -> Vec3 {
     if texture == NONE { Vec3::ONE } else { textures[texture as usize].bilinear(uv * tiling) }
+}
+
+/// Texture coordinates on a sphere: longitude about y in u, from the south pole to the north pole in v.
+#[inline]
+pub fn sphere_uv(n: Vec3) -> Vec2 {
+    let longitude = n.x.atan2(n.z) / std::f32::consts::TAU + 0.5;
+    let latitude = n.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
+    Vec2::new(longitude, 1.0 - latitude)
 }

@@ -51,7 +51,7 @@ fn directions_follow_their_density() {
                 match bsdf.sample(wo, u[0], [u[1], u[2]], Mode::Radiance) {
                     Some(x) if !x.delta => {
                         assert!((x.pdf_w - bsdf.pdf_w(wo, x.wi)).abs() < 1e-4 * x.pdf_w.max(1.0));
-                        let f = bsdf.eval(wo, x.wi) * x.wi.dot(s.n_shading).abs() / x.pdf_w;
+                        let f = bsdf.eval(wo, x.wi, Mode::Radiance) * x.wi.dot(s.n_shading).abs() / x.pdf_w;
                         // The weight of a sample from one lobe of a mixture is that lobe's own.
                         assert!((f - x.weight).length() < 1e-3, "{f} {}", x.weight);
                         let band = (((x.wi.dot(s.n_shading) + 1.0) * 0.5 * bands as f32) as usize).min(bands - 1);
@@ -93,7 +93,7 @@ fn values_are_reciprocal_and_bounded() {
         for i in 0..2000 {
             let u = pcg4d([i, 51, 52, 53]).map(unit);
             let (wo, wi) = (uniform_sphere([u[0], u[1]]), uniform_sphere([u[2], u[3]]));
-            let (f, g) = (bsdf.eval(wo, wi), bsdf.eval(wi, wo));
+            let (f, g) = (bsdf.eval(wo, wi, Mode::Radiance), bsdf.eval(wi, wo, Mode::Radiance));
             assert!((f - g).length() < 1e-6);
             assert!(f.min_element() >= 0.0 && f.max_element() <= 1.0 / std::f32::consts::PI);
         }

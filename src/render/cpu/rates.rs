@@ -59,7 +59,7 @@ pub fn measure(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize)
         let side = if ray.dir.dot(surface.n_geometric) > 0.0 { -surface.n_geometric } else { surface.n_geometric };
         let wi = Frame::from_normal(side).to_world(warp::cosine_hemisphere(sampler.next_2d()));
         bounce.push((surface.spawn(wi), f32::INFINITY));
-        if let Some(light) = lights.sample_area(scene, sampler.next_1d(), sampler.next_2d()) {
+        if let Some((light, _)) = lights.sample_area(scene, sampler.next_1d(), sampler.next_2d()) {
             let to: Vec3 = light.position - surface.position;
             let distance = to.length();
             if let Some(dir) = to.try_normalize() {

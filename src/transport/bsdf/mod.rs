@@ -81,7 +81,7 @@ impl Bsdf {
     }
 
     /// Value `f` without cosine, of the lobes that have one: Dirac lobes evaluate to zero.
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+    pub fn eval(&self, wo: Vec3, wi: Vec3, _mode: Mode) -> Vec3 {
         match self.local_pair(wo, wi) {
             Some((o, i)) => lambert::eval(self.base_color, o, i) * self.mix[0],
             None => Vec3::ZERO,

@@ -29,13 +29,19 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     let mut eta_scale = 1.0f32;
     for depth in 1..=context.max_depth {
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else { break };
+        let mut found = |radiance: Vec3| {
+            if radiance != Vec3::ZERO {
+                let value = throughput * radiance;
+                sink(Contribution { pixel, value, unweighted: value, s: 0, t: depth + 1 });
+            }
+        };
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            found(context.lights.environment(ray.dir));
+            break;
+        };
         let surface = Surface::at(scene, &ray, &hit);
         let wo = -ray.dir;
-        let emitted = surface.emitted(&scene.textures, wo);
-        if emitted != Vec3::ZERO {
-            sink(Contribution { pixel, value: throughput * emitted, depth });
-        }
+        found(surface.emitted(&scene.textures, wo));
         if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
             break;
         }
