@@ -4,6 +4,8 @@
 
 mod common;
 
+#[path = "render/agreement.rs"]
+mod agreement;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/determinism.rs"]

@@ -38,9 +38,11 @@ pub mod camera;
 pub mod contribution;
 pub mod integrator;
 pub mod light;
+pub mod mis;
 pub mod ray;
 pub mod sampler;
 pub mod surface;
+pub mod vertex;
 
 /// A hit where the mask texture's red channel is below this is no hit (annex A of the `.scn` format).
 pub const MASK_THRESHOLD: f32 = 0.5;

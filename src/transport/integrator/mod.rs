@@ -1,6 +1,8 @@
 //! Integrators: ways of finding the light that reaches a pixel, one file and one table row each.
 
+pub mod bdpt;
 pub mod bpt;
+pub mod nee;
 
 use std::collections::BTreeMap;
 
@@ -52,7 +54,7 @@ pub struct IntegratorRow {
 }
 
 /// Every integrator there is.
-pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW];
+pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW, nee::ROW, bdpt::ROW];
 
 /// The row with this name.
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {

@@ -1,0 +1,148 @@
+//! Backward path tracing with next event estimation: at every vertex where the BSDF has a density the path is also
+//! connected to a sampled point of a light. Light that the path then meets by itself counts with its share.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::{Context, IntegratorRow};
+use crate::scene::compile::NONE;
+use crate::transport::MAX_SURVIVAL;
+use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::contribution::Contribution;
+use crate::transport::light::DirectSample;
+use crate::transport::mis::{self, Heuristic};
+use crate::transport::sampler::Sampler;
+use crate::transport::surface::Surface;
+use crate::transport::vertex;
+use crate::value::Value;
+use crate::value::schema::Table;
+
+/// The row of this integrator.
+pub const ROW: IntegratorRow = IntegratorRow {
+    name: "nee",
+    long_name: "backward path tracing with next event estimation",
+    revision: 1,
+    doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
+          meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
+          where no connection could find it: seen directly or after a specular event.",
+    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD] },
+    sample,
+};
+
+/// The event that sent a path on its way, as far as light sampling could have done the same.
+#[derive(Clone, Copy)]
+struct Last {
+    from: Vec3,
+    pdf_w: f32,
+}
+
+struct Settings {
+    /// `None`: light found by chance after an event with a density does not count.
+    heuristic: Option<Heuristic>,
+}
+
+impl Settings {
+    fn new(params: &BTreeMap<String, Value>) -> Settings {
+        Settings { heuristic: Heuristic::from_params(params) }
+    }
+
+    /// The weight of light that a path met by chance, given the density `pdf_w` with which light sampling finds it.
+    fn weight_of_hit(&self, last: Option<Last>, pdf_w: impl FnOnce(Vec3) -> f32) -> f32 {
+        match (last, self.heuristic) {
+            (None, _) => 1.0,
+            (Some(_), None) => 0.0,
+            (Some(last), Some(h)) => h.weight(last.pdf_w, pdf_w(last.from)),
+        }
+    }
+}
+
+fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+    let Context { scene, lights, .. } = *context;
+    let settings = Settings::new(context.params);
+    let mut ray = context.camera.sample_ray(pixel, sampler);
+    let mut throughput = Vec3::ONE;
+    // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
+    let mut eta_scale = 1.0f32;
+    let mut last = None;
+    for depth in 1..=context.max_depth {
+        let mut found = |radiance: Vec3, s: u32, weight: f32| {
+            if radiance != Vec3::ZERO {
+                let unweighted = throughput * radiance;
+                sink(Contribution { pixel, value: unweighted * weight, unweighted, s, t: depth + 1 - s });
+            }
+        };
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            let radiance = lights.environment(ray.dir);
+            if radiance != Vec3::ZERO {
+                found(radiance, 0, settings.weight_of_hit(last, |_| lights.pdf_environment_w(ray.dir)));
+            }
+            break;
+        };
+        let surface = Surface::at(scene, &ray, &hit);
+        let wo = -ray.dir;
+        let emitted = surface.emitted(&scene.textures, wo);
+        if emitted != Vec3::ZERO {
+            let pdf_w = |from| lights.pdf_direct_w(scene, from, surface.emitter, surface.position, surface.n_geometric);
+            found(emitted, 0, settings.weight_of_hit(last, pdf_w));
+        }
+        if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
+            break;
+        }
+        let bsdf = Bsdf::new(&surface, &scene.textures);
+        if bsdf.has_density() {
+            let choice = sampler.next_1d();
+            if let Some(direct) = lights.sample_direct(scene, surface.position, choice, sampler.next_2d())
+                && let Some((radiance, weight)) = connect(context, &settings, &surface, &bsdf, wo, &direct)
+            {
+                let unweighted = throughput * radiance;
+                sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1 });
+            }
+        }
+        let choice = sampler.next_1d();
+        let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
+        throughput *= s.weight;
+        eta_scale *= s.eta * s.eta;
+        last = (!s.delta).then_some(Last { from: surface.position, pdf_w: s.pdf_w });
+        if context.rr_start.is_some_and(|start| depth >= start) {
+            let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
+            if sampler.next_1d() >= survival {
+                break;
+            }
+            throughput /= survival;
+        }
+        if throughput == Vec3::ZERO {
+            break;
+        }
+        ray = surface.spawn(s.wi);
+    }
+}
+
+/// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
+fn connect(
+    context: &Context,
+    settings: &Settings,
+    surface: &Surface,
+    bsdf: &Bsdf,
+    wo: Vec3,
+    direct: &DirectSample,
+) -> Option<(Vec3, f32)> {
+    let f = bsdf.eval(wo, direct.wi, Mode::Radiance) * direct.wi.dot(surface.n_shading).abs();
+    let radiance = f * direct.radiance / direct.pdf_w;
+    if radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
+        return None;
+    }
+    let lit = if direct.distance.is_finite() {
+        let light = direct.point;
+        vertex::visible(context.trace, surface.position, surface.n_geometric, light.position, light.normal)
+    } else {
+        vertex::unobstructed(context.trace, surface.position, surface.n_geometric, direct.wi)
+    };
+    lit.then(|| {
+        let weight = match settings.heuristic {
+            Some(h) if !direct.delta => h.weight(direct.pdf_w, bsdf.pdf_w(wo, direct.wi)),
+            _ => 1.0,
+        };
+        (radiance, weight)
+    })
+}
