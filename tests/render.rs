@@ -6,6 +6,8 @@ mod common;
 
 #[path = "render/bsdf.rs"]
 mod bsdf;
+#[path = "render/camera.rs"]
+mod camera;
 #[path = "render/determinism.rs"]
 mod determinism;
 #[path = "render/furnace.rs"]
