@@ -91,6 +91,8 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             camera,
             materials: Vec::new(),
             entities: Vec::new(),
+            lights: Vec::new(),
+            environment: None,
         }),
         stop: StopRule::Samples(64),
         reference: None,

@@ -152,6 +152,9 @@ mod tests {
             materials: Vec::new(),
             textures: Vec::new(),
             emitters: Vec::new(),
+            points: Vec::new(),
+            directionals: Vec::new(),
+            environment: None,
             camera: CameraDesc {
                 position: Vec3::Z,
                 target: Vec3::ZERO,

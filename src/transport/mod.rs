@@ -31,7 +31,9 @@
 //! Watertight Ray/Triangle Intersection. [Haines et al. 2019] Precision Improvements for Ray/Sphere Intersection.
 //! [Burley 2015] Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering. [Schlick 1994] An
 //! Inexpensive BRDF Model for Physically-based Rendering. [Heitz 2019] A Low-Distortion Map Between Triangle and Square.
-//! [Giles 2010] Approximating the erfinv Function.
+//! [Giles 2010] Approximating the erfinv Function. [Harris 1978] On the Use of Windows for Harmonic Analysis with the
+//! Discrete Fourier Transform. [Burley 2020] Practical Hash-based Owen Scrambling. [Owen 1995] Randomly Permuted
+//! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube.
 
 pub mod bsdf;
 pub mod camera;

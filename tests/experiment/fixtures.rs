@@ -182,6 +182,8 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             material: Some("egg".into()),
             shape: ShapeDesc::Sphere { radius: 1.0 },
         }],
+        lights: vec![],
+        environment: None,
     };
     let note = Note { file: file.to_owned(), place: "fog".into(), message: "left out".into() };
     Ok((scene, vec![note]))

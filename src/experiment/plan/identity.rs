@@ -15,7 +15,6 @@ use super::{Plan, RunId};
 use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue};
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
-use crate::transport::camera::FilterKind;
 use crate::transport::integrator::IntegratorRow;
 use crate::value::Value;
 
@@ -50,10 +49,7 @@ pub fn run_id(identity: &Value) -> RunId {
 
 /// What decides a picture, but for its seed and its end. The configuration has nothing left open.
 pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8; 32]) -> BTreeMap<String, Value> {
-    let kind = match config.filter.kind {
-        FilterKind::Box => "box",
-        FilterKind::Gauss => "gauss",
-    };
+    let kind = config.filter.kind.name();
     let integrator = map([
         ("name", row.name.into()),
         ("revision", Value::Int(i64::from(row.revision))),

@@ -13,7 +13,7 @@ use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
 use crate::transport::integrator::Context;
-use crate::transport::light::Lights;
+use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray, Trace};
 use crate::transport::sampler::Sampler;
 
@@ -52,7 +52,7 @@ impl CpuRenderer {
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
-            lights: Lights::new(&scene),
+            lights: Lights::with_select(&scene, Select::of(&job.params)),
             film: Film::new(job.resolution[0], job.resolution[1]),
             accel,
             scene,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
-use super::{CompiledScene, Emitter, NONE, Sphere, TriangleAttributes, materials};
+use super::{CompiledScene, Emitter, NONE, Sphere, TriangleAttributes, lights, materials};
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
 use crate::scene::{Note, SceneError};
 use crate::value::schema::SchemaError;
@@ -29,11 +29,12 @@ const PARALLEL_SINE: f32 = 1e-5;
 ///
 /// # Errors
 /// A camera that looks nowhere, a point beyond the range of coordinates, a mesh whose arrays do not belong together,
-/// or more primitives than [`MAX_PRIMITIVES`].
+/// more primitives than [`MAX_PRIMITIVES`], or a light with values that mean nothing.
 pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
     let (rows, textures) = materials::rows(desc, &mut notes);
+    let unbound = lights::compile(desc, &mut notes)?;
     let count = desc.entities.iter().map(|e| match &e.shape {
         ShapeDesc::Mesh(m) => m.triangles.len(),
         ShapeDesc::Sphere { .. } => 1,
@@ -51,6 +52,9 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
         materials: rows,
         textures,
         emitters: Vec::new(),
+        points: unbound.points,
+        directionals: unbound.directionals,
+        environment: unbound.environment,
         camera,
         bounds: [Vec3::ZERO; 2],
         resolution: desc.resolution,
@@ -70,9 +74,12 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
     let mut notes = names.notes;
     scene.bounds = bounds(&scene);
     let whole = |message: &str| Note { file: PathBuf::new(), place: "scene".to_owned(), message: message.to_owned() };
-    if scene.primitive_count() == 0 {
+    let dark = scene.emitters.is_empty() && scene.points.is_empty() && scene.directionals.is_empty();
+    if scene.environment.is_some() {
+        // It is seen even where there is no surface.
+    } else if scene.primitive_count() == 0 {
         notes.push(whole("it has no surfaces: the picture will be black"));
-    } else if scene.emitters.is_empty() {
+    } else if dark {
         notes.push(whole("nothing emits light: the picture will be black"));
     }
     Ok((scene, notes))
@@ -330,6 +337,8 @@ mod tests {
                 .enumerate()
                 .map(|(i, (shape, transform))| EntityDesc { name: format!("e{i}"), transform, material: None, shape })
                 .collect(),
+            lights: vec![],
+            environment: None,
         }
     }
 

@@ -113,7 +113,7 @@ mod tests {
             aperture: 0.0,
             focus_distance: None,
         };
-        let desc = SceneDesc { resolution: [1, 1], max_depth: 1, camera, materials, entities: vec![] };
+        let desc = SceneDesc { resolution: [1, 1], max_depth: 1, camera, materials, entities: vec![], lights: vec![], environment: None };
         let mut notes = Vec::new();
         let (rows, textures) = rows(&desc, &mut notes);
         (rows, textures, notes)

@@ -1,12 +1,14 @@
 //! From a description to the flat arrays that a backend renders.
 
 mod flatten;
+mod lights;
 mod materials;
 mod texture;
 
 use glam::{Vec2, Vec3};
 
 pub use flatten::{MAX_PRIMITIVES, compile};
+pub use lights::{DirectionalLight, Environment, PointLight};
 pub use texture::Texture;
 
 use super::desc::CameraDesc;
@@ -31,6 +33,12 @@ pub struct CompiledScene {
     pub textures: Vec<Texture>,
     /// Emissive primitives, in order of primitive id.
     pub emitters: Vec<Emitter>,
+    /// Lights that are points.
+    pub points: Vec<PointLight>,
+    /// Lights that are directions.
+    pub directionals: Vec<DirectionalLight>,
+    /// Light from outside the scene.
+    pub environment: Option<Environment>,
     /// The camera.
     pub camera: CameraDesc,
     /// The corners of the box around everything; both zero for an empty scene.

@@ -1,6 +1,7 @@
 //! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
 
 mod hash;
+pub mod light;
 pub mod material;
 
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 pub use hash::{content_hash, mesh_hash, texture_hash};
+pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
 pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
 
 /// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
@@ -36,6 +38,10 @@ pub struct SceneDesc {
     pub materials: Vec<MaterialDesc>,
     /// Everything that has a shape.
     pub entities: Vec<EntityDesc>,
+    /// Lights without a surface.
+    pub lights: Vec<LightDesc>,
+    /// Light from outside the scene; `None` is black.
+    pub environment: Option<EnvironmentDesc>,
 }
 
 impl SceneDesc {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::experiment::CellConfig;
 use crate::render::BACKENDS;
-use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::camera::{FILTER_NAMES, FilterKind, FilterSpec};
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_key, unknown_name};
@@ -42,17 +42,18 @@ pub const AA: Table = Table {
     fields: &[
         Field {
             key: "filter",
-            ty: Ty::Word(&["box", "gauss"]),
+            ty: Ty::Word(&FILTER_NAMES),
             required: false,
             default: "box",
-            doc: "constant, or a Gaussian cut off at three sigma",
+            doc: "constant, linear, a Gaussian cut off at three sigma, a smooth window, or the first source's Gaussian \
+                  without end (sigma = 2 radius)",
         },
         Field {
             key: "radius",
             ty: Ty::Num { min: 0.0, max: 16.0 },
             required: false,
             default: "0.5",
-            doc: "half width in pixels; a box of 0.5 is the pixel itself",
+            doc: "half width in pixels; a box of 0.5 is the pixel itself. Of antialiasing_radius half a sigma",
         },
     ],
 };
@@ -294,10 +295,8 @@ fn resolution(map: &BTreeMap<String, Value>, path: &str) -> Result<Option<[u32; 
 }
 
 fn filter(map: &BTreeMap<String, Value>) -> FilterSpec {
-    let kind = match inner(map, "aa", "filter").and_then(Value::as_str) {
-        Some("gauss") => FilterKind::Gauss,
-        _ => FilterKind::Box,
-    };
+    let named = inner(map, "aa", "filter").and_then(Value::as_str).and_then(FilterKind::from_name);
+    let kind = named.unwrap_or(FilterKind::Box);
     FilterSpec { kind, radius: inner(map, "aa", "radius").and_then(Value::as_f64).map_or(0.5, |r| r as f32) }
 }
 

@@ -1,6 +1,6 @@
 //! Pinhole and thin-lens projection.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::FilterSpec;
 use crate::math::warp::concentric_disk;
@@ -21,6 +21,32 @@ pub struct Camera {
     lens_radius: f32,
     focus_distance: f32,
     filter: FilterSpec,
+}
+
+/// A point of the scene joined to a point of the lens: the end of a light path.
+///
+/// One light path is traced for every sample of every pixel, which makes the number of pixels cancel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraConnection {
+    /// Column and row of the pixel that the light counts for.
+    pub pixel: [u32; 2],
+    /// The point of the lens, in world space; the pinhole itself where there is no lens.
+    pub lens: Vec3,
+    /// Unit direction from the lens to the point.
+    pub dir: Vec3,
+    /// Distance between the two, in scene units.
+    pub distance: f32,
+    /// What the light is worth, in 1 / (scene unit)^2: `throughput * f * |cos at the point| * importance` is what the
+    /// light path adds to the sum of pixel `pixel`, where `throughput` is the emitted radiance times all cosines over
+    /// all densities up to the point, and `f` the BSDF there (for a point that emits, `throughput` is one over the
+    /// density of the point per area, and `f` the emitted radiance).
+    ///
+    /// It is the importance of [Veach 1997, 8.3.2], `1 / (A cos^4)` times the cosine at the lens over the squared
+    /// distance, where `A` is the film's area at distance one and the density of the lens point has been divided out;
+    /// times the sum of the filters of all pixels at this place of the film, which is one for a box of one pixel.
+    pub importance: f32,
+    /// [`Camera::pdf_w`] of `dir`: with which density per solid angle a camera ray would have gone there.
+    pub pdf_w: f32,
 }
 
 impl Camera {
@@ -59,6 +85,58 @@ impl Camera {
         let origin = self.position + self.right * lens.x + self.up * lens.y;
         let focus = self.position + through * self.focus_distance;
         Ray { origin, dir: (focus - origin).normalize_or(self.forward) }
+    }
+
+    /// Joins a point of the scene to the camera; visibility is not tested. `lens_u` chooses the point of the lens
+    /// (unused for a pinhole), `filter_u` the pixel among those whose filter covers the place on the film.
+    ///
+    /// `None` behind the camera, outside the film, and where no light path can meet the film with any density: with a
+    /// filter of radius zero, whose pixels are points.
+    #[inline]
+    pub fn connect(&self, point: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
+        let disk = if self.lens_radius > 0.0 { concentric_disk(lens_u) * self.lens_radius } else { Vec2::ZERO };
+        let lens = self.position + self.right * disk.x + self.up * disk.y;
+        let to = point - lens;
+        let depth = to.dot(self.forward);
+        let distance = to.length();
+        if !(depth > 0.0 && distance.is_finite()) {
+            return None;
+        }
+        // Where the ray meets the plane of focus, relative to the camera and scaled back to distance one. For a pinhole
+        // that plane may be anywhere.
+        let (x, y) = (to.dot(self.right) / depth, to.dot(self.up) / depth);
+        let shift = if self.lens_radius > 0.0 { disk / self.focus_distance } else { Vec2::ZERO };
+        let film = [(x + shift.x) / self.half[0], -(y + shift.y) / self.half[1]];
+        let place = [0, 1].map(|i| 0.5 * (film[i] + 1.0) * self.resolution[i]);
+        let (column, weight_x) = self.filter.choose(place[0], self.resolution[0] as u32, filter_u[0])?;
+        let (row, weight_y) = self.filter.choose(place[1], self.resolution[1] as u32, filter_u[1])?;
+        let dir = to / distance;
+        let pdf_w = self.pdf_w(dir);
+        Some(CameraConnection {
+            pixel: [column, row],
+            lens,
+            dir,
+            distance,
+            importance: weight_x * weight_y * pdf_w / (distance * distance),
+            pdf_w,
+        })
+    }
+
+    /// Density per solid angle with which a camera ray goes into the unit direction `dir`, whichever its pixel: places
+    /// on the film count as uniform, `1 / (A cos^3)` with `A` the film's area at distance one and the cosine to the
+    /// optical axis. It does not depend on the point of the lens.
+    ///
+    /// With a box of one pixel this is exact for directions that meet the film. With other filters the density of places
+    /// ripples about this from pixel to pixel and runs out softly at the border; since every technique uses this same
+    /// number, weights of multiple importance sampling still sum to one. Zero away from the scene, and for a filter
+    /// without density, so that no weight counts on a technique that cannot work.
+    #[inline]
+    pub fn pdf_w(&self, dir: Vec3) -> f32 {
+        let cos = dir.dot(self.forward);
+        if cos <= 0.0 || self.filter.reach() <= 0.0 {
+            return 0.0;
+        }
+        1.0 / (4.0 * self.half[0] * self.half[1] * cos * cos * cos)
     }
 }
 

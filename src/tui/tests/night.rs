@@ -35,6 +35,8 @@ fn scene() -> SceneDesc {
         },
         materials: Vec::new(),
         entities: Vec::new(),
+        lights: Vec::new(),
+        environment: None,
     }
 }
 

@@ -63,6 +63,8 @@ pub(super) fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
             material: None,
             shape: ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
         }],
+        lights: Vec::new(),
+        environment: None,
     };
     Ok((desc, notes))
 }

@@ -110,7 +110,7 @@ fn scene(json: &Json, report: &mut Report) -> Result<SceneDesc, SceneError> {
         entities.read(&place, json, report)?;
     }
     root.note_unknown(["resolution", "maxdepth", "camera", "materials", "entities"], report);
-    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list };
+    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list, lights: vec![], environment: None };
     Ok(desc.with_default_material(false))
 }
 

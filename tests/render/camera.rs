@@ -1,0 +1,184 @@
+//! Cameras: light paths that end on the lens bring the same light as camera paths that start there.
+
+use glam::Vec3;
+use lumbre::math::rng::{pcg4d, unit};
+use lumbre::math::stats::{normal_two_sided_p, sidak};
+use lumbre::scene::desc::CameraDesc;
+use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
+use lumbre::transport::sampler::Sampler;
+
+const SIZE: [u32; 2] = [9, 6];
+
+/// Half width of the square that emits, in the plane z = 0.
+const HALF: f32 = 1.5;
+
+fn camera(aperture: f32, filter: FilterSpec) -> Camera {
+    let desc = CameraDesc {
+        position: Vec3::new(0.7, -1.0, 2.5),
+        target: Vec3::new(0.1, 0.1, 0.0),
+        up: Vec3::new(0.1, 1.0, 0.2),
+        fov_deg: 50.0,
+        aperture,
+        focus_distance: Some(1.9),
+    };
+    Camera::new(&desc, SIZE, filter)
+}
+
+/// Radiance of the plane towards `wo`: a pattern with steps, black outside the square, more at grazing angles, so that
+/// a wrong place, a wrong cosine and a lost border all show.
+fn radiance(p: Vec3, wo: Vec3) -> f64 {
+    if p.x.abs() > HALF || p.y.abs() > HALF || wo.z <= 0.0 {
+        return 0.0;
+    }
+    let step = if (p.x * 2.3).floor() as i32 % 2 == 0 { 1.0 } else { 0.3 };
+    f64::from(step * (1.4 + p.y) * (1.2 - wo.z))
+}
+
+fn uniform(i: u32, which: u32) -> [f32; 4] {
+    pcg4d([i, which, 88, 99]).map(unit)
+}
+
+/// Mean and variance of the mean from sums.
+fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
+    (sum / n, (sum2 - sum * sum / n) / (n - 1.0) / n)
+}
+
+#[test]
+fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
+    let filters = [
+        (FilterKind::Box, 0.5),
+        (FilterKind::Box, 1.2),
+        (FilterKind::Tent, 1.0),
+        (FilterKind::Gauss, 1.5),
+        (FilterKind::BlackmanHarris, 2.0),
+        (FilterKind::AntialiasingRadius, 0.3),
+    ];
+    let pixels = (SIZE[0] * SIZE[1]) as usize;
+    let significance = sidak(0.001, 2 * filters.len() * pixels);
+    for aperture in [0.0, 0.5] {
+        for (kind, radius) in filters {
+            let camera = camera(aperture, FilterSpec { kind, radius });
+            let n_light = 600_000u32;
+            let mut light = vec![(0.0f64, 0.0f64); pixels];
+            for i in 0..n_light {
+                let [a, b, c, d] = uniform(i, 1);
+                let [e, f, ..] = uniform(i, 2);
+                let point = Vec3::new(2.0 * a - 1.0, 2.0 * b - 1.0, 0.0) * HALF;
+                let Some(to) = camera.connect(point, [c, d], [e, f]) else { continue };
+                assert!((to.lens + to.dir * to.distance - point).length() < 1e-5);
+                let area = f64::from(4.0 * HALF * HALF);
+                let value = area * radiance(point, -to.dir) * f64::from(to.dir.z.abs() * to.importance);
+                let at = &mut light[(to.pixel[1] * SIZE[0] + to.pixel[0]) as usize];
+                at.0 += value;
+                at.1 += value * value;
+            }
+            for (i, (sum, sum2)) in light.into_iter().enumerate() {
+                // One light path for each sample of each pixel: `n_light` paths are `n_light / pixels` samples.
+                let (mean, variance) = estimate(sum, sum2, f64::from(n_light));
+                let (mean, variance) = (mean * pixels as f64, variance * (pixels * pixels) as f64);
+                let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
+                let n = 12_000u32;
+                let (mut s, mut s2) = (0.0, 0.0);
+                for sample in 0..n {
+                    let ray = camera.sample_ray(pixel, &mut Sampler::new(5, pixel, u64::from(sample)));
+                    let value = if ray.dir.z < 0.0 {
+                        radiance(ray.origin - ray.dir * (ray.origin.z / ray.dir.z), -ray.dir)
+                    } else {
+                        0.0
+                    };
+                    s += value;
+                    s2 += value * value;
+                }
+                let (expected, v) = estimate(s, s2, f64::from(n));
+                // Some pixels see nothing but the plane's black surroundings.
+                let sigma = (variance + v).sqrt().max(1e-12);
+                let p = normal_two_sided_p((mean - expected) / sigma);
+                assert!(p > significance, "{kind:?} {radius}, lens {aperture}, pixel {pixel:?}: {mean} {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn density_of_directions_integrates_to_one_over_the_film() {
+    // Directions uniform over the sphere, seen from the pinhole: those that meet the film have the density that camera
+    // rays are sent with, and the others none.
+    let camera = camera(0.0, FilterSpec::PIXEL);
+    let n = 400_000u32;
+    let (mut sum, mut sum2) = (0.0f64, 0.0f64);
+    for i in 0..n {
+        let [a, b, c, d] = uniform(i, 3);
+        let dir = lumbre::math::warp::uniform_sphere([a, b]);
+        let point = Vec3::new(0.7, -1.0, 2.5) + dir * 3.0;
+        let value = camera.connect(point, [0.5; 2], [c, d]).map_or(0.0, |to| {
+            assert!((to.importance * 9.0 / to.pdf_w - 1.0).abs() < 1e-4);
+            assert!((camera.pdf_w(dir) / to.pdf_w - 1.0).abs() < 1e-4);
+            f64::from(to.pdf_w) * 4.0 * std::f64::consts::PI
+        });
+        sum += value;
+        sum2 += value * value;
+    }
+    let (mean, variance) = estimate(sum, sum2, f64::from(n));
+    assert!(variance.sqrt() < 0.01 && normal_two_sided_p((mean - 1.0) / variance.sqrt()) > 0.001, "{mean}");
+}
+
+#[test]
+fn camera_rays_have_the_density_that_pdf_w_says() {
+    // The mean of 1 / pdf_w over camera rays of the whole film is the film's solid angle, lens or not; so is that of
+    // one pixel its own, which checks the density's shape.
+    let solid_angle = |a: f64, b: f64| 4.0 * (a * b / (1.0 + a * a + b * b).sqrt()).atan();
+    let y = 25.0f64.to_radians().tan();
+    let x = y * 1.5;
+    for aperture in [0.0, 0.5] {
+        let camera = camera(aperture, FilterSpec::PIXEL);
+        let (mut sum, mut sum2) = (0.0f64, 0.0f64);
+        let n = 4000u32;
+        for i in 0..n * SIZE[0] * SIZE[1] {
+            let pixel = [i % SIZE[0], i / SIZE[0] % SIZE[1]];
+            let ray = camera.sample_ray(pixel, &mut Sampler::new(6, pixel, u64::from(i)));
+            let value = f64::from(1.0 / camera.pdf_w(ray.dir));
+            sum += value;
+            sum2 += value * value;
+        }
+        let (mean, variance) = estimate(sum, sum2, f64::from(n * SIZE[0] * SIZE[1]));
+        // A ray from the rim of the lens has another direction than one through its middle, and the plane of focus that
+        // the film fills is seen from there at another solid angle.
+        let expected = if aperture == 0.0 { solid_angle(x, y) } else { mean_solid_angle(x, y, 0.25 / 1.9) };
+        let p = normal_two_sided_p((mean - expected) / variance.sqrt());
+        assert!(p > sidak(0.001, 2), "lens {aperture}: {mean} instead of {expected}");
+    }
+}
+
+/// The solid angle of the rectangle of half sides `x` and `y` at distance one, averaged over the points of a disk of
+/// radius `r` at distance zero, by a fine grid.
+fn mean_solid_angle(x: f64, y: f64, r: f64) -> f64 {
+    let corner = |a: f64, b: f64| (a * b / (1.0 + a * a + b * b).sqrt()).atan();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for i in 0..200 {
+        for j in 0..200 {
+            let u = r * (f64::from(i) + 0.5) / 100.0 - r;
+            let v = r * (f64::from(j) + 0.5) / 100.0 - r;
+            if u * u + v * v < r * r {
+                sum += corner(x - u, y - v) + corner(x + u, y - v) + corner(x - u, y + v) + corner(x + u, y + v);
+                count += 1.0;
+            }
+        }
+    }
+    sum / count
+}
+
+#[test]
+fn nothing_is_connected_from_behind_the_camera_from_outside_its_film_or_with_pixels_that_are_points() {
+    let pixel = camera(0.0, FilterSpec::PIXEL);
+    let (position, target) = (Vec3::new(0.7, -1.0, 2.5), Vec3::new(0.1, 0.1, 0.0));
+    let connect = |camera: &Camera, point| camera.connect(point, [0.3, 0.6], [0.2, 0.7]);
+    assert!(connect(&pixel, target).is_some());
+    assert!(connect(&pixel, position * 2.0 - target).is_none());
+    assert_eq!(pixel.pdf_w((position - target).try_normalize().unwrap()), 0.0);
+    assert!(connect(&pixel, target + Vec3::X * 9.0).is_none());
+    assert!(connect(&pixel, position).is_none());
+    assert!(connect(&pixel, Vec3::splat(f32::NAN)).is_none());
+    let points = camera(0.0, FilterSpec { kind: FilterKind::Box, radius: 0.0 });
+    assert!(connect(&points, target).is_none());
+    assert_eq!(points.pdf_w((target - position).try_normalize().unwrap()), 0.0);
+}
