@@ -295,7 +295,8 @@ fn errors_of_lua_itself_have_lines() {
         ("\nerror({ code = 1 })", 2, ""),
         ("\nerror()", 2, ""),
         ("\nlocal s = (\"x\"):rpe(3)", 2, "string.rpe: unknown name `rpe` (did you mean `rep`?)"),
-        ("\ntable.concat({ {} })", 2, "invalid value (at index 1)"),
+        ("\ntable.concat({ {} })", 2, "invalid value (table) at index 1"),
+        ("\nlocal y = 1 + ('x'):find()", 2, "bad argument #2 to 'string.find' (string expected"),
         ("local function f() return f() + 1 end\nf()", 1, "stack overflow"),
     ] {
         let e = error_of(text);

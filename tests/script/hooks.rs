@@ -193,7 +193,7 @@ fn predicates_are_read_as_strictly_as_everything_else() {
         ("return row.samples", 8, "stop.predicate: the function returned an integer"),
         ("return row < 1", 9, "attempt to compare"),
         ("while true do end", 9, "a stop predicate ran longer than its limit of 1 s"),
-        ("local t = {}; for i = 1, 1e9 do t[i] = i end", 9, "wants more than its limit of 48 MiB"),
+        ("local t = {}; for i = 1, 1e9 do t[i] = i end", 9, "wants more than its limit of 256 MiB"),
     ] {
         let (_folder, script, id) = predicate(body);
         let e = script_error(script.predicate(id, &columns, &rows(&[0.5])));
