@@ -31,7 +31,7 @@ x:render(function(p)
     scene = "scenes/cornell/cornell.scn",
     integrator = "bpt", -- backward path tracing: from the camera until a path meets the light
     max_depth = p.depth,
-    resolution = { 160, 160 },
+    resolution = { 128, 128 },
     aa = { filter = "gauss", radius = p.radius },
   }
 end)
@@ -39,7 +39,7 @@ end)
 -- The truth that the cells are measured against: the same picture with far more samples, rendered first and kept
 -- under out/refs, so that the next run finds it there. A function `from` could change what it renders, for example
 -- to a better integrator: from = function(p) return { integrator = ".." } end.
-x:reference { stop = stop.samples(2048) }
+x:reference { stop = stop.samples(1024) }
 
 -- What is measured, at least every quarter of a second of rendering. Each key is a column and holds a metric.
 -- RMSE and relMSE compare radiance itself; SSIM compares pictures as they are seen, so it is told how radiance
@@ -53,10 +53,10 @@ x:measure {
   display = display,
 }
 
--- A cell is finished when every pixel has 256 samples, or after ten seconds, whichever comes first. Only the time
+-- A cell is finished when every pixel has 128 samples, or after ten seconds, whichever comes first. Only the time
 -- inside the renderer counts. Other rules: stop.when("ssim", ">", 0.95, { hold = 3 }), stop.waves(n), stop.nan(n),
 -- stop.predicate(function(row, history) .. end), and stop.all and stop.not_ to combine them.
-x:stop(stop.any { stop.samples(256), stop.time("10s") })
+x:stop(stop.any { stop.samples(128), stop.time("10s") })
 
 -- How the error falls: one curve for each filter radius, one picture for each depth. On logarithmic axes the error
 -- of independent samples is a line that falls by half whenever the samples are four times as many.

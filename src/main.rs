@@ -1,1 +1,5 @@
-fn main() {}
+//! The `lumbre` program; everything is in the library.
+
+fn main() -> std::process::ExitCode {
+    lumbre::cli::main()
+}

@@ -1,5 +1,7 @@
 //! What the CPU backend renders, against analytic truth, brute force and images made by others.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 mod common;
 
 #[path = "render/bsdf.rs"]
@@ -12,3 +14,5 @@ mod furnace;
 mod intersection;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/references.rs"]
+mod references;

@@ -106,7 +106,7 @@ pub enum Event {
         cell: CellRef,
         /// How.
         outcome: Outcome,
-        /// The sums, unless it was cached or failed before its first wave.
+        /// The sums; none if it was cached, ended before its first wave, or panicked while rendering.
         film: Option<Arc<Film>>,
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,

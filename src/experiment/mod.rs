@@ -9,8 +9,8 @@ pub mod run;
 pub mod spec;
 pub mod stop;
 
-pub use event::{CellRef, Control, Event, Outcome, Sink, SinkError, WaveRow};
-pub use plan::{Cell, Plan, RunId};
-pub use run::{CellResult, NightSummary};
+pub use event::{CellRef, Control, Event, History, Outcome, Sink, SinkError, WaveRow};
+pub use plan::{Cell, Overrides, Plan, PlanError, RunId};
+pub use run::{CellResult, NightSummary, RunError};
 pub use spec::{CellConfig, Point, ScriptHooks, Spec};
 pub use stop::StopRule;

@@ -38,6 +38,17 @@ pub fn sidak(alpha: f64, tests: usize) -> f64 {
     1.0 - (1.0 - alpha).powf(1.0 / tests.max(1) as f64)
 }
 
+/// The median of measurements; NaN of none.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    match values.len() {
+        0 => f64::NAN,
+        n if n % 2 == 1 => values[n / 2],
+        n => 0.5 * (values[n / 2 - 1] + values[n / 2]),
+    }
+}
+
 /// Q(a, x), the regularised upper incomplete gamma function, by series or continued fraction.
 fn upper_gamma_regularised(a: f64, x: f64) -> f64 {
     if x <= 0.0 {
@@ -116,6 +127,13 @@ mod tests {
         assert_eq!(chi_square_p(&[100.0], &[100.0], 0), 1.0);
         assert!(chi_square_p(&[60.0, 40.0], &[50.0, 50.0], 0) < 0.05);
         assert!(chi_square_p(&[51.0, 49.0], &[50.0, 50.0], 0) > 0.5);
+    }
+
+    #[test]
+    fn median_of_odd_even_and_none() {
+        assert_eq!(median([3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median([4.0, 1.0, 2.0, 3.0]), 2.5);
+        assert!(median([]).is_nan());
     }
 
     #[test]

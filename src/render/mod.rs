@@ -90,7 +90,7 @@ pub trait Renderer: Send {
     /// Adds `samples` samples to every pixel.
     ///
     /// # Errors
-    /// When the backend fails; the film is then as it was after the last wave that succeeded.
+    /// When the backend fails; the film must then not be used any more.
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError>;
 
     /// The sums so far.
@@ -99,6 +99,9 @@ pub trait Renderer: Send {
     /// What opening cost.
     fn open_stats(&self) -> &OpenStats;
 }
+
+/// Starts a run of a job on a scene.
+pub type OpenFn = fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
 
 /// One row of [`BACKENDS`].
 pub struct BackendRow {
@@ -109,7 +112,7 @@ pub struct BackendRow {
     /// Whether this machine can use it, and on what; the text is the device or the reason why not.
     pub probe: fn() -> Result<String, String>,
     /// Starts a run.
-    pub open: fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>,
+    pub open: OpenFn,
 }
 
 /// Every backend there is. `auto` in a script means the first row whose probe succeeds.

@@ -1,1 +1,253 @@
 //! `set "materials.egg.roughness" = v`: the only door for sweeps into a scene.
+//!
+//! Three tables say everything that can be set: [`SCENE_PARAMS`], [`ENTITY_PARAMS`] and the material table
+//! ([`MATERIAL_PARAMS`]). Names of materials and entities may hold dots: the last part of a path is the parameter.
+
+use glam::Vec3;
+
+use super::desc::{
+    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, MaterialDesc, SceneDesc, ShapeDesc,
+};
+use crate::value::Value;
+use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
+
+/// The name that stands for every material that emits nothing.
+pub const ALL_MATERIALS: &str = "*";
+
+const COORDINATE: f64 = MAX_COORDINATE as f64;
+const POINT: Ty = Ty::Nums { len: 3, min: -COORDINATE, max: COORDINATE };
+
+/// A setting of the scene as a whole.
+#[derive(Debug)]
+pub struct SceneParam {
+    /// The whole path.
+    pub path: &'static str,
+    /// Type and range.
+    pub ty: Ty,
+    /// Meaning and unit in a sentence.
+    pub doc: &'static str,
+    /// Writes the setting; the value has been checked against `ty`.
+    set_checked: fn(&mut SceneDesc, &Value),
+}
+
+/// Every setting that is no material's and no entity's.
+pub const SCENE_PARAMS: &[SceneParam] = &[
+    SceneParam {
+        path: "camera.fov",
+        ty: Ty::Num { min: 0.01, max: 179.0 },
+        doc: "Vertical field of view in degrees.",
+        set_checked: |s, v| s.camera.fov_deg = scalar(v),
+    },
+    SceneParam {
+        path: "camera.aperture",
+        ty: Ty::Num { min: 0.0, max: 1e6 },
+        doc: "Diameter of the lens in scene units; 0 is a pinhole.",
+        set_checked: |s, v| s.camera.aperture = scalar(v),
+    },
+    SceneParam {
+        path: "camera.focus_distance",
+        ty: Ty::Num { min: 1e-6, max: COORDINATE },
+        doc: "Distance from the lens to the plane in focus along the axis, in scene units.",
+        set_checked: |s, v| s.camera.focus_distance = Some(scalar(v)),
+    },
+    SceneParam {
+        path: "camera.position",
+        ty: POINT,
+        doc: "Centre of projection or of the lens.",
+        set_checked: |s, v| s.camera.position = vector(v),
+    },
+    SceneParam {
+        path: "camera.target",
+        ty: POINT,
+        doc: "A point on the optical axis.",
+        set_checked: |s, v| s.camera.target = vector(v),
+    },
+    SceneParam {
+        path: "camera.up",
+        ty: POINT,
+        doc: "The direction that is up in the picture.",
+        set_checked: |s, v| s.camera.up = vector(v),
+    },
+    SceneParam {
+        path: "resolution",
+        ty: Ty::Nums { len: 2, min: 1.0, max: MAX_SIDE as f64 },
+        doc: "Width and height in whole pixels.",
+        set_checked: |s, v| s.resolution = [item(v, 0) as u32, item(v, 1) as u32],
+    },
+    SceneParam {
+        path: "max_depth",
+        ty: Ty::Int { min: 1, max: MAX_EDGES as i64 },
+        doc: "Greatest number of path edges; 1 is emission only, 2 direct light.",
+        set_checked: |s, v| s.max_depth = v.as_i64().unwrap_or(1) as u32,
+    },
+];
+
+/// A setting of one entity.
+#[derive(Debug)]
+pub struct EntityParam {
+    /// The last part of the path: `entities.NAME.<name>`.
+    pub name: &'static str,
+    /// Type and range.
+    pub ty: Ty,
+    /// Meaning and unit in a sentence.
+    pub doc: &'static str,
+    /// Whether the setting means anything for a shape.
+    applies: fn(&ShapeDesc) -> bool,
+    /// Writes the setting; the value has been checked against `ty`.
+    set_checked: fn(&mut EntityDesc, &Value),
+}
+
+/// Every setting of an entity.
+pub const ENTITY_PARAMS: &[EntityParam] = &[
+    EntityParam {
+        name: "position",
+        ty: POINT,
+        doc: "Translation of a mesh, centre of a sphere, in scene units.",
+        applies: |_| true,
+        set_checked: |e, v| e.transform.translate = vector(v),
+    },
+    EntityParam {
+        name: "rotation_deg",
+        ty: Ty::Nums { len: 3, min: -1e6, max: 1e6 },
+        doc: "Rotation of a mesh about x, y and z in degrees, z first.",
+        applies: |s| matches!(s, ShapeDesc::Mesh(_)),
+        set_checked: |e, v| {
+            e.transform.rotate_rad = Vec3::from_array([0, 1, 2].map(|i| item(v, i).to_radians() as f32));
+        },
+    },
+    EntityParam {
+        name: "scale",
+        ty: Ty::Nums { len: 3, min: -1e6, max: 1e6 },
+        doc: "Scale of a mesh along x, y and z, after its rotation.",
+        applies: |s| matches!(s, ShapeDesc::Mesh(_)),
+        set_checked: |e, v| e.transform.scale = vector(v),
+    },
+    EntityParam {
+        name: "radius",
+        ty: Ty::Num { min: 1e-9, max: 1e9 },
+        doc: "Radius of a sphere in scene units.",
+        applies: |s| matches!(s, ShapeDesc::Sphere { .. }),
+        set_checked: |e, v| e.shape = ShapeDesc::Sphere { radius: scalar(v) },
+    },
+    EntityParam {
+        name: "material",
+        ty: Ty::Str,
+        doc: "Name of the material of the whole entity.",
+        applies: |_| true,
+        set_checked: |e, v| e.material = v.as_str().map(str::to_owned),
+    },
+];
+
+fn item(v: &Value, i: usize) -> f64 {
+    v.as_list().and_then(|l| l.get(i)).and_then(Value::as_f64).unwrap_or_default()
+}
+
+fn scalar(v: &Value) -> f32 {
+    v.as_f64().unwrap_or_default() as f32
+}
+
+fn vector(v: &Value) -> Vec3 {
+    Vec3::from_array([0, 1, 2].map(|i| item(v, i) as f32))
+}
+
+/// Sets one value by its path: one of [`SCENE_PARAMS`], `materials.NAME.PARAM`, `materials.*.PARAM` (every material
+/// that emits nothing), or `entities.NAME.PARAM`.
+///
+/// # Errors
+/// A path that names nothing in the scene, with the nearest name; a value of the wrong kind or out of range.
+pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), SchemaError> {
+    if let Some(row) = SCENE_PARAMS.iter().find(|row| row.path == path) {
+        let key = path.rsplit('.').next().unwrap_or(path);
+        row.ty.check(path, key, value)?;
+        if path == "resolution" && value.as_list().is_some_and(|l| l.iter().any(|n| n.as_i64().is_none())) {
+            return Err(problem(path, key, format!("expected whole numbers of pixels, found {value}")));
+        }
+        (row.set_checked)(desc, value);
+        return Ok(());
+    }
+    let (head, rest) = path.split_once('.').unwrap_or((path, ""));
+    match head {
+        "materials" => set_material(desc, path, rest, value),
+        "entities" => set_entity(desc, path, rest, value),
+        "camera" => {
+            let known = SCENE_PARAMS.iter().filter_map(|row| row.path.strip_prefix("camera."));
+            Err(unknown_key(path, rest, known))
+        }
+        _ => Err(unknown_name(path, head, "setting", heads())),
+    }
+}
+
+/// The first parts of all paths, each once.
+fn heads() -> Vec<&'static str> {
+    let mut heads: Vec<&str> = SCENE_PARAMS.iter().map(|row| row.path.split('.').next().unwrap_or(row.path)).collect();
+    heads.dedup();
+    heads.extend(["materials", "entities"]);
+    heads
+}
+
+fn problem(path: &str, key: &str, problem: String) -> SchemaError {
+    SchemaError { path: path.to_owned(), problem, help: None, key: key.to_owned() }
+}
+
+/// `NAME.PARAM`, split at the last dot.
+fn name_and_param<'a>(path: &str, rest: &'a str, what: &str) -> Result<(&'a str, &'a str), SchemaError> {
+    rest.rsplit_once('.').ok_or_else(|| {
+        let key = path.rsplit('.').next().unwrap_or(path);
+        problem(path, key, format!("expected `{what}.NAME.PARAMETER`"))
+    })
+}
+
+fn set_material(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Result<(), SchemaError> {
+    let (name, param) = name_and_param(path, rest, "materials")?;
+    let find_row = || MATERIAL_PARAMS.iter().find(|row| row.name == param);
+    let unknown_param = || unknown_name(path, param, "material parameter", MATERIAL_PARAMS.iter().map(|row| row.name));
+    if name == ALL_MATERIALS {
+        let row = find_row().ok_or_else(unknown_param)?;
+        row.ty.check(path, param, value)?;
+        let dark = |m: &&mut MaterialDesc| m.emission == Vec3::ZERO;
+        return desc.materials.iter_mut().filter(dark).try_for_each(|m| row.set(m, path, value));
+    }
+    match desc.material_row(name) {
+        Some(i) => find_row().ok_or_else(unknown_param)?.set(&mut desc.materials[i], path, value),
+        None => Err(unknown_name(path, name, "material", desc.materials.iter().map(|m| m.name.as_str()))),
+    }
+}
+
+fn set_entity(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Result<(), SchemaError> {
+    let (name, param) = name_and_param(path, rest, "entities")?;
+    let Some(i) = desc.entities.iter().position(|e| e.name == name) else {
+        return Err(unknown_name(path, name, "entity", desc.entities.iter().map(|e| e.name.as_str())));
+    };
+    let shape = &desc.entities[i].shape;
+    let known = || ENTITY_PARAMS.iter().filter(|row| (row.applies)(shape)).map(|row| row.name);
+    let Some(row) = ENTITY_PARAMS.iter().find(|row| row.name == param) else {
+        return Err(unknown_name(path, param, "entity parameter", known()));
+    };
+    if !(row.applies)(shape) {
+        let what = if matches!(shape, ShapeDesc::Mesh(_)) { "a mesh" } else { "a sphere" };
+        let mut e = problem(path, param, format!("`{name}` is {what}, which has no `{param}`"));
+        e.help = Some(format!("known: {}", known().collect::<Vec<_>>().join(", ")));
+        return Err(e);
+    }
+    row.ty.check(path, param, value)?;
+    if row.name == "material"
+        && let Some(material) = value.as_str()
+        && desc.material_row(material).is_none()
+    {
+        return Err(unknown_name(path, material, "material", desc.materials.iter().map(|m| m.name.as_str())));
+    }
+    (row.set_checked)(&mut desc.entities[i], value);
+    Ok(())
+}
+
+/// Every path that [`set`] takes for this scene.
+pub fn paths(desc: &SceneDesc) -> Vec<String> {
+    let mut paths: Vec<String> = SCENE_PARAMS.iter().map(|row| row.path.to_owned()).collect();
+    let materials = std::iter::once(ALL_MATERIALS).chain(desc.materials.iter().map(|m| m.name.as_str()));
+    paths.extend(materials.flat_map(|m| MATERIAL_PARAMS.iter().map(move |row| format!("materials.{m}.{}", row.name))));
+    for e in &desc.entities {
+        let rows = ENTITY_PARAMS.iter().filter(|row| (row.applies)(&e.shape));
+        paths.extend(rows.map(|row| format!("entities.{}.{}", e.name, row.name)));
+    }
+    paths
+}

@@ -1,5 +1,5 @@
 //! Scenes: what a file or a script says ([`desc`]), how files are read ([`load`]), how one value is changed
-//! ([`edit`]), and the flat arrays that a backend renders ([`compile`]).
+//! ([`edit`]), and the flat arrays that a backend renders ([`mod@compile`]).
 //!
 //! Paths inside a scene file resolve against the file that names them. What a loader cannot honour becomes a
 //! [`Note`]; what it cannot understand is a [`SceneError`]. Nothing here knows how light moves.
@@ -17,7 +17,7 @@ pub use desc::SceneDesc;
 /// Something in a scene file that could not be honoured, or was done otherwise than it says.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Note {
-    /// The file that says it.
+    /// The file that says it; empty where a whole scene is meant, whatever file it came from.
     pub file: PathBuf,
     /// Where in it: a key path such as `materials[2].displacementtexture`, or a line.
     pub place: String,
@@ -27,6 +27,9 @@ pub struct Note {
 
 impl std::fmt::Display for Note {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.file.as_os_str().is_empty() {
+            return write!(f, "{}: {}", self.place, self.message);
+        }
         write!(f, "{}: {}: {}", self.file.display(), self.place, self.message)
     }
 }

@@ -1,1 +1,96 @@
-//! Room `store`.
+//! The store: every file that a night leaves, and what earlier nights left.
+//!
+//! ```text
+//! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
+//!   experiment.lua plan.json env.json journal.jsonl lock summary.csv figures/ tables/
+//!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png done.json
+//! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png ref.json
+//! ```
+//!
+//! Folders are the truth: whether a run is done is whether its `done.json` (for a reference, `ref.json`) is there,
+//! and that file is written last. Every file is written beside its final name, synced, and renamed; only
+//! `metrics.csv`, `log.txt` and `journal.jsonl` grow line by line, and a line cut off by a crash is ignored.
+//!
+//! This room knows no image format: pictures come and go as bytes, and the decoder is handed in.
+
+mod archive;
+mod describe;
+mod experiment;
+mod host;
+mod journal;
+mod layout;
+mod list;
+pub mod rows;
+mod run;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::path::PathBuf;
+
+pub use archive::{Archive, Decode};
+pub use describe::{cell_json, plan_json};
+pub use experiment::Store;
+pub use host::{Host, utc};
+pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
+pub use run::RunWriter;
+pub use write::{atomic, probe};
+
+/// Why the store cannot do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Nothing can be written where results should go.
+    #[error(
+        "cannot write to {}: {reason} (choose another place with --out DIR, or make this one writable)",
+        path.display()
+    )]
+    Unwritable {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+    /// Another process is at work in the same experiment folder.
+    #[error("{} is in use by another lumbre{holder}; wait for it to end, or use another --out DIR", folder.display())]
+    Locked {
+        /// The folder.
+        folder: PathBuf,
+        /// ` (process N)`, or nothing if it cannot be known.
+        holder: String,
+    },
+    /// A file operation failed.
+    #[error("cannot {action} {}: {reason}", path.display())]
+    Io {
+        /// What was tried: `read`, `write`, `create`.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+    /// No run matches.
+    #[error("no run matches `{what}` in {}{hint}", out.display())]
+    NoSuchRun {
+        /// What was asked for.
+        what: String,
+        /// Where it was looked for.
+        out: PathBuf,
+        /// What to do, with a leading separator.
+        hint: String,
+    },
+    /// Several runs match.
+    #[error("`{what}` matches several runs; give more digits or a path:\n  {}", candidates.join("\n  "))]
+    Ambiguous {
+        /// What was asked for.
+        what: String,
+        /// Some of the folders that match.
+        candidates: Vec<String>,
+    },
+}
+
+impl StoreError {
+    /// The error of a failed file operation.
+    fn io(action: &'static str, path: &std::path::Path, error: &std::io::Error) -> StoreError {
+        StoreError::Io { action, path: path.to_owned(), reason: error.to_string() }
+    }
+}

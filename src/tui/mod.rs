@@ -1,1 +1,25 @@
-//! Room `tui`.
+//! The terminal: a dashboard that lives on its own thread, and plain lines where there is no terminal.
+//!
+//! Both listen to [`Event`](crate::experiment::Event)s, fold them into a [`model::Model`], and can neither disturb a
+//! timing nor lose a result: an event is taken in and the listener returns, whatever the terminal does. What is
+//! drawn is a pure function of the model and of a [`view::View`], so that whole screens are tested without a
+//! terminal.
+
+pub mod axis;
+pub mod curve;
+mod dashboard;
+pub mod eta;
+pub mod guard;
+pub mod line;
+pub mod look;
+pub mod model;
+pub mod panes;
+pub mod view;
+pub mod words;
+
+#[cfg(test)]
+mod tests;
+
+pub use dashboard::{Dashboard, LeaveNow};
+pub use line::{LineOptions, LineSink};
+pub use look::{Colors, Look, Mode, colored, wanted};

@@ -74,7 +74,7 @@ fn directions_follow_their_density() {
                     *e += f64::from(bsdf.pdf_w(wo, wi));
                 }
                 let cell_w = 4.0 * std::f64::consts::PI / (bands * sectors) as f64;
-                *e *= cell_w / f64::from(sub * sub) as f64 * f64::from(n);
+                *e *= cell_w / f64::from(sub * sub) * f64::from(n);
             }
             let mass: f64 = expected.iter().sum();
             expected.push(f64::from(n) - mass);

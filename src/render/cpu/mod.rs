@@ -1,9 +1,11 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
-//! [`accel`] holds the hierarchy and the one traversal loop, [`renderer`] the one loop over pixels and samples.
+//! [`accel`] holds the hierarchy and the one traversal loop, [`renderer`] the one loop over pixels and samples, and
+//! [`rates`] the measurement of both that `lumbre bench` prints.
 
 pub mod accel;
 mod intersect;
+pub mod rates;
 pub mod renderer;
 
 use super::BackendRow;

@@ -1,11 +1,12 @@
 //! From a description to the flat arrays that a backend renders.
 
 mod flatten;
+mod materials;
 mod texture;
 
 use glam::{Vec2, Vec3};
 
-pub use flatten::compile;
+pub use flatten::{MAX_PRIMITIVES, compile};
 pub use texture::Texture;
 
 use super::desc::CameraDesc;

@@ -1,5 +1,6 @@
 //! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
 
+mod hash;
 pub mod material;
 
 use std::path::PathBuf;
@@ -7,7 +8,20 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+
+/// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
+pub const DEFAULT_MATERIAL: &str = "default_material";
+
+/// The greatest width or height of a picture in pixels.
+pub const MAX_SIDE: u32 = 32_768;
+
+/// The greatest number of path edges that can be asked for.
+pub const MAX_EDGES: u32 = 65_535;
+
+/// The greatest absolute coordinate, in scene units: beyond it products of coordinates leave the range of `f32`.
+pub const MAX_COORDINATE: f32 = 1e12;
 
 /// A whole scene. Lengths are in scene units, colours linear sRGB, angles as their names say.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +36,28 @@ pub struct SceneDesc {
     pub materials: Vec<MaterialDesc>,
     /// Everything that has a shape.
     pub entities: Vec<EntityDesc>,
+}
+
+impl SceneDesc {
+    /// The row of the first material with this name.
+    pub fn material_row(&self, name: &str) -> Option<usize> {
+        self.materials.iter().position(|m| m.name == name)
+    }
+
+    /// Appends a white, rough material named [`DEFAULT_MATERIAL`] if some face or sphere asks for that name and no
+    /// material has it.
+    #[must_use]
+    pub fn with_default_material(mut self, emitter_reflects: bool) -> SceneDesc {
+        let asks = |e: &EntityDesc| match (&e.material, &e.shape) {
+            (Some(name), _) => name == DEFAULT_MATERIAL,
+            (None, ShapeDesc::Mesh(mesh)) => mesh.slots.iter().any(|s| s == DEFAULT_MATERIAL),
+            (None, ShapeDesc::Sphere { .. }) => false,
+        };
+        if self.material_row(DEFAULT_MATERIAL).is_none() && self.entities.iter().any(asks) {
+            self.materials.push(MaterialDesc { emitter_reflects, ..MaterialDesc::new(DEFAULT_MATERIAL) });
+        }
+        self
+    }
 }
 
 /// A pinhole or thin-lens camera.

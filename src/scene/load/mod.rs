@@ -1,1 +1,154 @@
-//! Scene formats: one file and one row of `FORMATS` each.
+//! Scene formats: one file and one row of [`FORMATS`] each.
+//!
+//! Every loader returns a [`SceneDesc`] and [`Note`]s about what it could not honour. Sizes are checked before
+//! anything is read, and nothing is allocated that the size of a file does not justify.
+
+mod images;
+mod obj;
+mod scn;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::{Note, SceneDesc, SceneError};
+
+/// One scene format.
+#[derive(Debug)]
+pub struct FormatRow {
+    /// Short name.
+    pub name: &'static str,
+    /// File extensions in lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// What it is and what is read of it, in a sentence.
+    pub doc: &'static str,
+    /// Whether the first bytes of a file without a known extension look like this format.
+    pub sniff: fn(&[u8]) -> bool,
+    /// Reads a file of this format.
+    pub load: Loader,
+}
+
+/// Reads one scene file.
+pub type Loader = fn(&Path) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+
+/// Every scene format, in the order in which files are sniffed.
+pub const FORMATS: &[FormatRow] = &[
+    FormatRow {
+        name: "scn",
+        extensions: &["scn"],
+        doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and spheres.",
+        sniff: scn::sniff,
+        load: scn::load,
+    },
+    FormatRow {
+        name: "obj",
+        extensions: &["obj"],
+        doc: "A Wavefront OBJ mesh alone, white, seen by a camera that frames its bounds; materials are not read yet.",
+        sniff: obj::sniff,
+        load: obj::load,
+    },
+];
+
+/// How much of a file is read to recognise its format.
+const SNIFF_BYTES: u64 = 4096;
+
+/// Loads a scene file of any known format: by its extension, or by its first bytes where the extension is unknown.
+///
+/// # Errors
+/// A file that cannot be read, that no format knows, or that is not what its format says; also a mesh or texture
+/// that it names and that has one of these faults.
+pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if let Some(row) = FORMATS.iter().find(|row| row.extensions.contains(&extension.as_str())) {
+        return (row.load)(path);
+    }
+    let mut head = Vec::new();
+    open(path)?.take(SNIFF_BYTES).read_to_end(&mut head).map_err(|e| unreadable(path, e))?;
+    match FORMATS.iter().find(|row| (row.sniff)(&head)) {
+        Some(row) => (row.load)(path),
+        None => Err(SceneError::UnknownFormat {
+            file: path.to_owned(),
+            known: FORMATS
+                .iter()
+                .flat_map(|row| row.extensions)
+                .map(|e| format!(".{e}"))
+                .collect::<Vec<_>>()
+                .join(", "),
+        }),
+    }
+}
+
+fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneError {
+    SceneError::Unreadable { file: path.to_owned(), reason: reason.to_string() }
+}
+
+/// Opens a regular file: pipes and devices would block or never end.
+fn open(path: &Path) -> Result<File, SceneError> {
+    let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
+    if !meta.is_file() {
+        return Err(unreadable(path, "it is not a regular file"));
+    }
+    File::open(path).map_err(|e| unreadable(path, e))
+}
+
+/// The bytes of a file of at most `limit` bytes.
+fn read(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
+    let mut bytes = Vec::new();
+    let read = open(path)?.take(limit + 1).read_to_end(&mut bytes).map_err(|e| unreadable(path, e))?;
+    if read as u64 > limit {
+        return Err(unreadable(path, format!("it is larger than the limit of {} MiB for such files", limit >> 20)));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_has_no_two_rows_for_one_name_or_extension() {
+        let mut seen = std::collections::BTreeSet::new();
+        for row in FORMATS {
+            assert!(seen.insert(row.name) || row.extensions.contains(&row.name), "{}", row.name);
+            assert!(!row.doc.is_empty() && !row.extensions.is_empty());
+            for e in row.extensions {
+                assert!(seen.insert(e) || *e == row.name);
+                assert_eq!(*e, e.to_ascii_lowercase());
+            }
+        }
+    }
+
+    #[test]
+    fn directories_and_missing_files_are_one_error_each() {
+        let dir = tempfile::tempdir().unwrap();
+        let e = load(&dir.path().join("none.scn")).unwrap_err().to_string();
+        assert!(e.contains("none.scn"), "{e}");
+        std::fs::create_dir(dir.path().join("folder.obj")).unwrap();
+        let e = load(&dir.path().join("folder.obj")).unwrap_err().to_string();
+        assert!(e.contains("not a regular file"), "{e}");
+        let text = dir.path().join("text.txt");
+        std::fs::write(&text, "hello").unwrap();
+        let e = load(&text).unwrap_err().to_string();
+        assert!(e.contains(".scn, .obj"), "{e}");
+    }
+
+    #[test]
+    fn a_file_without_a_known_extension_is_sniffed() {
+        let dir = tempfile::tempdir().unwrap();
+        let scene = dir.path().join("scene");
+        std::fs::write(&scene, "  { \"maxdepth\": 3 }").unwrap();
+        assert_eq!(load(&scene).unwrap().0.max_depth, 3);
+        let mesh = dir.path().join("mesh.txt");
+        std::fs::write(&mesh, "# a mesh\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        assert_eq!(load(&mesh).unwrap().0.entities.len(), 1);
+    }
+
+    #[test]
+    fn a_file_over_its_limit_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("big");
+        std::fs::write(&path, vec![b' '; 100]).unwrap();
+        assert_eq!(read(&path, 100).unwrap().len(), 100);
+        assert!(read(&path, 99).is_err());
+    }
+}

@@ -77,7 +77,9 @@ mod tests {
             |i| Sampler::new(1, [i % 300, i / 300], 0).next_2d(),
             |i| {
                 let mut s = Sampler::new(1, [9, 9], u64::from(i / 64));
-                (0..i % 64).for_each(|_| drop(s.next_2d()));
+                for _ in 0..i % 64 {
+                    s.next_2d();
+                }
                 s.next_2d()
             },
         ];

@@ -1,7 +1,26 @@
 //! The plan: cells in a defined order, each with an identity that says when it has to run again.
+//!
+//! [`expand`] makes it from a script's [`Spec`](super::Spec). Axes vary slowest first in the order of their
+//! declaration, repeats fastest of all. Nothing is rendered here, but every scene is read and every name, size and
+//! stop rule checked, so that a night does not fail at four in the morning over something that was known at ten.
+
+mod axes;
+mod error;
+mod estimate;
+mod expand;
+pub mod identity;
+mod path;
+mod resolve;
 
 use std::sync::Arc;
 
+pub use axes::{MAX_CELLS, Overrides};
+pub use error::PlanError;
+pub use estimate::Estimate;
+pub use expand::expand;
+pub use resolve::{LoadScene, LoadedScene};
+
+use super::event::CellRef;
 use super::spec::{CellConfig, FigureSpec, Measure, Point, TableSpec};
 use super::stop::StopRule;
 use crate::scene::{Note, SceneDesc};
@@ -27,9 +46,10 @@ pub struct Cell {
     pub repeat: u32,
     /// Seed of all its random numbers.
     pub seed: u64,
-    /// What it renders.
+    /// What it renders, with nothing left open: resolution and depth are the script's or else the scene's, and the
+    /// backend is the one that `auto` stands for.
     pub config: Arc<CellConfig>,
-    /// The scene, with the cell's changes made.
+    /// The scene, with the cell's changes made; cells with the same file and changes share one.
     pub scene: Arc<SceneDesc>,
     /// When it is finished.
     pub stop: StopRule,
@@ -57,7 +77,7 @@ pub struct Reference {
 pub enum ReferenceSource {
     /// Lumbre renders it.
     Render {
-        /// What it renders.
+        /// What it renders, with nothing left open, as in [`Cell::config`].
         config: Arc<CellConfig>,
         /// The scene, with the changes made.
         scene: Arc<SceneDesc>,
@@ -98,6 +118,8 @@ pub struct Plan {
     pub skipped: Vec<Skipped>,
     /// What scene files say that could not be honoured, each once.
     pub notes: Vec<Note>,
+    /// What is allowed but probably not meant: a stop rule that may never hold, an axis that changes nothing.
+    pub warnings: Vec<String>,
     /// What is measured and kept.
     pub measure: Measure,
     /// Figures to draw.
@@ -106,4 +128,22 @@ pub struct Plan {
     pub tables: Vec<TableSpec>,
     /// The script's text.
     pub script_text: String,
+}
+
+impl Plan {
+    /// The names of the metric columns, in the order of [`WaveRow::metrics`](super::WaveRow::metrics).
+    pub fn columns(&self) -> Vec<String> {
+        self.measure.metrics.iter().map(|metric| metric.column.clone()).collect()
+    }
+
+    /// The identity of a cell or a reference.
+    ///
+    /// # Panics
+    /// When the index is not one of this plan's.
+    pub fn id(&self, cell: CellRef) -> &RunId {
+        match cell {
+            CellRef::Cell(i) => &self.cells[i].id,
+            CellRef::Reference(i) => &self.references[i].id,
+        }
+    }
 }

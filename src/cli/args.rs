@@ -1,0 +1,281 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::value::Value;
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "lumbre",
+    version,
+    about = "A terminal-driven, Lua-scripted experiment runner for light transport",
+    long_about = "Lumbre runs light-transport experiments that a Lua script describes: which scenes, which techniques \
+                  and parameters, against which reference, and when to stop. It renders every cell of the sweep, \
+                  measures the error while it renders, and leaves pictures, curves and tables under out/.",
+    after_help = EXIT_CODES,
+    subcommand_required = true,
+    arg_required_else_help = true
+)]
+pub struct Cli {
+    /// Options that every verb understands.
+    #[command(flatten)]
+    pub global: Global,
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes:
+    0  all done
+    1  internal error
+    2  usage, script or scene error, found before any work
+    3  some cells failed
+    4  a limit was reached with work left
+   75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
+  130  ended by Ctrl-C (143 by a second SIGTERM)
+
+Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
+
+/// Options that every verb understands.
+#[derive(Args, Clone, Debug)]
+pub struct Global {
+    /// Where results live
+    #[arg(long, global = true, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
+    /// Render on this backend, whatever the script says (`lumbre doctor` lists them)
+    #[arg(long, global = true, value_name = "NAME")]
+    pub backend: Option<String>,
+    /// Worker threads; 0 is one for each core. Never changes a picture
+    #[arg(long, global = true, value_name = "N", default_value_t = 0)]
+    pub threads: usize,
+    /// Plain lines instead of the dashboard
+    #[arg(long, global = true)]
+    pub no_tui: bool,
+    /// Say nothing but errors, warnings and data
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Run an experiment: render what is not done yet, then write figures and tables
+    ///
+    /// Cells that an earlier night finished are not rendered again. An interrupted night goes on where it was when
+    /// the same command is given again.
+    Run(RunArgs),
+    /// Show the cells of an experiment, what is cached, what is skipped and why; render nothing
+    Plan(PlanArgs),
+    /// Check scripts and scene files of every known format; render and write nothing
+    Check(CheckArgs),
+    /// List experiments and the states of their runs
+    Ls(LsArgs),
+    /// Show one run: its configuration, last measurements and files
+    Show(ShowArgs),
+    /// Print what a script may say, for editors and programs
+    Schema(SchemaArgs),
+    /// Say what this machine offers: backends, cores, terminal, a writable out/
+    Doctor(DoctorArgs),
+    /// Measure the program itself and write out/bench.json
+    Bench(BenchArgs),
+    /// Print completions for a shell
+    ///
+    /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page (roff; read it with `lumbre man | man -l -`)
+    Man,
+}
+
+/// A script and how it is narrowed.
+#[derive(Args, Clone, Debug)]
+pub struct ScriptArgs {
+    /// The experiment's script
+    pub script: PathBuf,
+    /// Replace the values of an axis: `depth=5,9`
+    #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
+    pub axes: Vec<(String, Vec<Value>)>,
+    /// Keep only cells with this value of an axis; give it again for further values or axes
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
+    pub only: Vec<(String, Vec<Value>)>,
+}
+
+/// `lumbre run`.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// Which experiment.
+    #[command(flatten)]
+    pub script: ScriptArgs,
+    /// Print the plan and stop
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+/// `lumbre plan`.
+#[derive(Args, Debug)]
+pub struct PlanArgs {
+    /// Which experiment.
+    #[command(flatten)]
+    pub script: ScriptArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre check`.
+#[derive(Args, Debug)]
+pub struct CheckArgs {
+    /// Scripts (.lua) and scene files
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+}
+
+/// `lumbre ls`.
+#[derive(Args, Debug)]
+pub struct LsArgs {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre show`.
+#[derive(Args, Debug)]
+pub struct ShowArgs {
+    /// The run's folder, or the first digits of its id
+    pub run: String,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre schema`.
+#[derive(Args, Debug)]
+#[group(required = true, multiple = false)]
+pub struct SchemaArgs {
+    /// Print annotations for the Lua language server
+    #[arg(long)]
+    pub lua: bool,
+    /// Print the tables of integrators, metrics, backends, material parameters and formats as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre doctor`.
+#[derive(Args, Debug)]
+pub struct DoctorArgs {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre bench`.
+#[derive(Args, Debug)]
+pub struct BenchArgs {
+    /// Scene files to measure besides the built-in scenes
+    pub scenes: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Reads `axis=value,value`.
+fn axis_values(text: &str) -> Result<(String, Vec<Value>), String> {
+    let (axis, values) =
+        text.split_once('=').ok_or_else(|| format!("expected AXIS=VALUE such as depth=5,9, found `{text}`"))?;
+    let axis = axis.trim();
+    if axis.is_empty() {
+        return Err(format!("`{text}` names no axis"));
+    }
+    let values: Vec<Value> = split(values).into_iter().map(value).collect::<Result<_, _>>()?;
+    Ok((axis.to_owned(), values))
+}
+
+/// Cuts at commas that stand in no bracket, brace or quotes.
+fn split(text: &str) -> Vec<&str> {
+    let (mut depth, mut quoted, mut start) = (0, false, 0);
+    let mut parts = Vec::new();
+    for (at, c) in text.char_indices() {
+        match c {
+            '"' => quoted = !quoted,
+            '[' | '{' if !quoted => depth += 1,
+            ']' | '}' if !quoted => depth -= 1,
+            ',' if depth == 0 && !quoted => {
+                parts.push(&text[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(&text[start..]);
+    parts
+}
+
+/// A value as typed: numbers, `true`, `false`, JSON in brackets, braces or quotes; anything else is text.
+fn value(text: &str) -> Result<Value, String> {
+    let text = text.trim();
+    if text.is_empty() {
+        return Err("a value is missing".to_owned());
+    }
+    if text.starts_with(['[', '{', '"']) {
+        let json = serde_json::from_str(text).map_err(|e| format!("`{text}` is no JSON value: {e}"))?;
+        return Ok(Value::from_json(&json));
+    }
+    Ok(match text {
+        "true" => Value::Bool(true),
+        "false" => Value::Bool(false),
+        _ if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {
+            text.parse::<f64>().map_or_else(|_| Value::from(text), Value::number)
+        }
+        _ => Value::from(text),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definitions_hold_together() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn overrides_are_typed() {
+        let read = |t: &str| axis_values(t).unwrap();
+        assert_eq!(read("depth=5,9"), ("depth".into(), vec![Value::Int(5), Value::Int(9)]));
+        assert_eq!(read("aa=0.5,1e-1").1, vec![Value::Num(0.5), Value::Num(0.1)]);
+        assert_eq!(read("technique=bpt,nee").1, vec![Value::from("bpt"), Value::from("nee")]);
+        assert_eq!(read("mis=true").1, vec![Value::Bool(true)]);
+        assert_eq!(read("scene=infinity,nan").1, vec![Value::from("infinity"), Value::from("nan")]);
+        assert_eq!(read("name=\"5,6\"").1, vec![Value::from("5,6")]);
+        let pairs = read("res=[64, 32],[8,8]").1;
+        assert_eq!(pairs[0], Value::List(vec![Value::Int(64), Value::Int(32)]));
+        assert_eq!(pairs.len(), 2);
+    }
+
+    #[test]
+    fn what_is_no_override_is_refused() {
+        for bad in ["depth", "=5", "depth=", "depth=5,,9", "res=[1,2"] {
+            assert!(axis_values(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn global_flags_stand_before_and_after_the_verb() {
+        let before = Cli::try_parse_from(["lumbre", "--out", "x", "-q", "run", "a.lua"]).unwrap();
+        let after = Cli::try_parse_from(["lumbre", "run", "a.lua", "depth=5", "--out", "x", "-q"]).unwrap();
+        for cli in [before, after] {
+            assert_eq!(cli.global.out, PathBuf::from("x"));
+            assert!(cli.global.quiet);
+        }
+        assert!(Cli::try_parse_from(["lumbre", "schema"]).is_err());
+        assert!(Cli::try_parse_from(["lumbre", "schema", "--lua", "--json"]).is_err());
+    }
+}

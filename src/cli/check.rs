@@ -1,0 +1,70 @@
+//! `lumbre check`: reads scripts and scenes, renders and writes nothing.
+
+use std::path::{Path, PathBuf};
+
+use super::args::{CheckArgs, Global, ScriptArgs};
+use super::exit::{Exit, Failure, data, talk};
+use super::load;
+use super::run::counted;
+use crate::scene::{self, Note, SceneError};
+
+/// Checks every file and goes on after an error.
+pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
+    let mut exit = Exit::Done;
+    for file in &args.files {
+        let checked = if is_script(file) { script(file, global) } else { scene(file) };
+        match checked {
+            Ok(_) if global.quiet => {}
+            Ok(line) => data(&format!("ok  {}: {line}\n", file.display()))?,
+            Err(failure) => {
+                failure.show();
+                exit = Exit::Usage;
+            }
+        }
+    }
+    Ok(exit)
+}
+
+fn is_script(file: &Path) -> bool {
+    file.extension().is_some_and(|e| e.eq_ignore_ascii_case("lua"))
+}
+
+fn script(file: &Path, global: &Global) -> Result<String, Failure> {
+    let args = ScriptArgs { script: file.to_owned(), axes: Vec::new(), only: Vec::new() };
+    let (_, plan) = load::plan(&args, global)?;
+    load::show_doubts(&plan);
+    Ok(format!(
+        "experiment `{}`, {}, {}, {} skipped",
+        plan.name,
+        counted(plan.cells.len(), "cell"),
+        counted(plan.references.len(), "reference"),
+        counted(plan.skipped.len(), "point")
+    ))
+}
+
+fn scene(file: &Path) -> Result<String, Failure> {
+    if file.is_dir() {
+        return Err(Failure::usage(format!("{} is a folder: name the files in it", file.display())));
+    }
+    let read = || -> Result<(scene::CompiledScene, Vec<Note>), SceneError> {
+        let (desc, mut notes) = scene::load::load(&PathBuf::from(file))?;
+        let (compiled, more) = scene::compile(&desc)?;
+        notes.extend(more);
+        Ok((compiled, notes))
+    };
+    let (compiled, notes) = read().map_err(Failure::usage)?;
+    for note in &notes {
+        // What compiling notes is about the scene as a whole, which several files may have made.
+        let whole = note.file.as_os_str().is_empty();
+        talk(&if whole { format!("note: {}: {note}", file.display()) } else { format!("note: {note}") });
+    }
+    let [width, height] = compiled.resolution;
+    Ok(format!(
+        "scene, {}, {}, {}, {}, {width}x{height} pixels, depth {}",
+        counted(compiled.triangles.len(), "triangle"),
+        counted(compiled.spheres.len(), "sphere"),
+        counted(compiled.materials.len(), "material"),
+        counted(compiled.emitters.len(), "emitter"),
+        compiled.max_depth
+    ))
+}

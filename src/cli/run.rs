@@ -1,0 +1,254 @@
+//! `lumbre run`: a whole night.
+
+use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::args::{Global, RunArgs};
+use super::exit::{Exit, Failure, data, talk};
+use super::load::{self, decode, shown};
+use super::log::Log;
+use super::recorder::Recorder;
+use super::signals;
+use crate::experiment::event::History;
+use crate::experiment::plan::ReferenceSource;
+use crate::experiment::{CellRef, Control, NightSummary, Outcome, Plan, Sink, run};
+use crate::output::{plot, summary, table};
+use crate::render;
+use crate::script::Script;
+use crate::store::Store;
+use crate::tui;
+
+/// Runs an experiment.
+pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    let (script, plan) = load::plan(&args.script, global)?;
+    if args.dry_run {
+        return super::plan::print(&plan, global, false);
+    }
+    if !global.quiet {
+        load::show_doubts(&plan);
+    }
+    let store = Store::open(&global.out, &plan, decode).map_err(Failure::usage)?;
+    let todo = Todo::of(&plan, &store);
+    if todo.is_empty() && !global.quiet {
+        talk(&todo.nothing(&plan, store.folder()));
+    }
+    let Ended { night, exit, told } = render_night(&script, &plan, &store, global, log, &todo)?;
+    let written = write_evidence(&store, &plan, &night);
+    print_tables(&plan, &night)?;
+    if !told {
+        say_failures(&plan, &night);
+    }
+    if !global.quiet {
+        say_where(&store, &plan, &night);
+    }
+    written?;
+    Ok(exit_of(&plan, &night, exit))
+}
+
+/// What is left to render.
+struct Todo {
+    cells: usize,
+    references: usize,
+}
+
+impl Todo {
+    fn of(plan: &Plan, history: &dyn History) -> Todo {
+        let open = |cell: CellRef| history.done(plan, cell).is_none();
+        let rendered = |i: &usize| matches!(plan.references[*i].source, ReferenceSource::Render { .. });
+        Todo {
+            cells: (0..plan.cells.len()).filter(|i| open(CellRef::Cell(*i))).count(),
+            references: (0..plan.references.len()).filter(rendered).filter(|i| open(CellRef::Reference(*i))).count(),
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.cells == 0 && self.references == 0
+    }
+
+    fn nothing(&self, plan: &Plan, folder: &Path) -> String {
+        if plan.cells.is_empty() {
+            return "nothing to do: every point of the sweep is skipped".to_owned();
+        }
+        format!(
+            "nothing to do: all {} and {} were done in {}",
+            counted(plan.cells.len(), "cell"),
+            counted(plan.references.len(), "reference"),
+            shown(folder)
+        )
+    }
+}
+
+/// `1 cell`, `3 cells`.
+pub(super) fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// A night that is over.
+struct Ended {
+    night: NightSummary,
+    /// How the program ends if the night was ended from outside.
+    exit: Exit,
+    /// Whether failures have been shown as they happened, on what is still to be seen.
+    told: bool,
+}
+
+/// Renders what is left, and gathers what is there.
+fn render_night(
+    script: &Script,
+    plan: &Arc<Plan>,
+    store: &Store,
+    global: &Global,
+    log: &Log,
+    todo: &Todo,
+) -> Result<Ended, Failure> {
+    let control = Arc::new(Control::default());
+    if todo.is_empty() {
+        let night = run::run(plan, script, store, &mut [], &control, global.threads).map_err(Failure::internal)?;
+        return Ok(Ended { night, exit: Exit::Interrupted, told: false });
+    }
+    if !global.quiet {
+        say_backends(plan);
+    }
+    let heard = signals::listen(Arc::clone(&control), tui::guard::give_back_now)
+        .map_err(|e| Failure::internal(format!("cannot listen to signals: {e}")))?;
+    let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone());
+    let mut watcher = Watcher::new(&control, global, log);
+    let night = run::run(plan, script, store, &mut [&mut recorder, watcher.sink()], &control, global.threads);
+    let told = matches!(watcher, Watcher::Lines(_));
+    // The terminal is given back before anything is said on it.
+    drop(watcher);
+    log.release();
+    Ok(Ended { night: night.map_err(Failure::internal)?, exit: heard.exit(), told })
+}
+
+/// Who shows the night.
+enum Watcher {
+    Dashboard(tui::Dashboard),
+    Lines(Box<tui::LineSink>),
+}
+
+impl Watcher {
+    /// The dashboard if standard output is a terminal that can show it and nobody minds; plain lines on stderr
+    /// otherwise.
+    fn new(control: &Arc<Control>, global: &Global, log: &Log) -> Watcher {
+        let env = |name: &str| std::env::var(name).ok();
+        let whole_screen = tui::wanted(std::io::stdout().is_terminal(), &env) == tui::Mode::Dashboard;
+        if whole_screen && !global.no_tui && !global.quiet {
+            log.hold();
+            let leave = Box::new(|| std::process::exit(i32::from(Exit::Interrupted.code())));
+            match tui::Dashboard::start(Arc::clone(control), leave) {
+                Ok(dashboard) => return Watcher::Dashboard(dashboard),
+                Err(e) => {
+                    log.release();
+                    tracing::warn!("no dashboard: {e}");
+                }
+            }
+        }
+        let color = tui::colored(std::io::stderr().is_terminal(), &env);
+        let options = tui::LineOptions { quiet: global.quiet, color };
+        Watcher::Lines(Box::new(tui::LineSink::new(Box::new(std::io::stderr()), options)))
+    }
+
+    fn sink(&mut self) -> &mut dyn Sink {
+        match self {
+            Watcher::Dashboard(dashboard) => dashboard,
+            Watcher::Lines(lines) => lines.as_mut(),
+        }
+    }
+}
+
+/// Names the backends of a plan, the devices they found, and what `auto` means here.
+fn say_backends(plan: &Plan) {
+    let rendered = plan.references.iter().filter_map(|r| match &r.source {
+        ReferenceSource::Render { config, .. } => Some(&config.backend),
+        ReferenceSource::File(_) => None,
+    });
+    let names: std::collections::BTreeSet<&String> =
+        plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
+    let auto = render::backend("auto").map(|row| row.name);
+    for name in names {
+        let device = render::backend(name).map(|row| (row.probe)());
+        let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
+        let why = if auto == Some(name.as_str()) {
+            "; it is the first that works here, which is what auto means"
+        } else {
+            ""
+        };
+        talk(&format!("backend {name}: {device}{why}"));
+    }
+}
+
+/// Writes the summary, figures and tables of what is there, be it a whole night or part of one.
+fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
+    let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
+    write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
+    for spec in &plan.tables {
+        let table = table::build(plan, spec, &night.results);
+        for format in &spec.formats {
+            let (extension, text) = match format {
+                crate::experiment::spec::TableFormat::Md => ("md", table.to_markdown()),
+                crate::experiment::spec::TableFormat::Csv => ("csv", table.to_csv()),
+            };
+            write(&format!("tables/{}.{extension}", spec.name), text.as_bytes())?;
+        }
+    }
+    for spec in &plan.figures {
+        for (stem, svg) in plot::figures(plan, spec, &night.results) {
+            write(&format!("figures/{stem}.svg"), svg.as_bytes())?;
+            let png = plot::rasterize(&svg).map_err(Failure::internal)?;
+            write(&format!("figures/{stem}.png"), &png)?;
+        }
+    }
+    Ok(())
+}
+
+fn print_tables(plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
+    let tables = plan.tables.iter().map(|spec| table::build(plan, spec, &night.results).to_markdown());
+    data(&tables.collect::<Vec<_>>().join("\n"))
+}
+
+fn say_failures(plan: &Plan, night: &NightSummary) {
+    for result in &night.results {
+        if let Outcome::Failed(reason) = &result.outcome {
+            let name = match result.cell {
+                CellRef::Cell(i) => plan.cells[i].path.clone(),
+                CellRef::Reference(i) => format!("reference {}", plan.references[i].id),
+            };
+            talk(&format!("failed: {name}: {reason}"));
+        }
+    }
+}
+
+fn say_where(store: &Store, plan: &Plan, night: &NightSummary) {
+    let folder = store.folder();
+    let count = |wanted: fn(&Outcome) -> bool| night.results.iter().filter(|r| wanted(&r.outcome)).count();
+    let failed = count(|o| matches!(o, Outcome::Failed(_)));
+    let done = count(|o| matches!(o, Outcome::Done(_)));
+    let cached = count(|o| matches!(o, Outcome::Cached(_)));
+    let all = plan.cells.len() + plan.references.len();
+    talk(&format!("{done} done, {cached} cached, {failed} failed, {} left of {all}", all - done - cached - failed));
+    talk(&format!("pictures   {}", shown(&folder.join("runs"))));
+    if !plan.figures.is_empty() {
+        talk(&format!("curves     {}", shown(&folder.join("figures"))));
+    }
+    if !plan.tables.is_empty() {
+        talk(&format!("tables     {}", shown(&folder.join("tables"))));
+    }
+    talk(&format!("all values {}", shown(&folder.join("summary.csv"))));
+}
+
+fn exit_of(plan: &Plan, night: &NightSummary, ended: Exit) -> Exit {
+    let settled = |o: &Outcome| matches!(o, Outcome::Done(_) | Outcome::Cached(_));
+    let settled_cells =
+        night.results.iter().filter(|r| matches!(r.cell, CellRef::Cell(_)) && settled(&r.outcome)).count();
+    if night.interrupted {
+        ended
+    } else if night.results.iter().any(|r| matches!(r.outcome, Outcome::Failed(_))) {
+        Exit::CellsFailed
+    } else if settled_cells < plan.cells.len() {
+        Exit::WorkLeft
+    } else {
+        Exit::Done
+    }
+}

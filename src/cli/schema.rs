@@ -1,0 +1,59 @@
+//! `lumbre schema`: what a script may say, from the same tables that check it.
+
+use serde_json::{Value as Json, json};
+
+use super::args::SchemaArgs;
+use super::exit::{Exit, Failure, data};
+use crate::metrics::tonemap::TONEMAPS;
+use crate::metrics::{Better, METRICS};
+use crate::render::BACKENDS;
+use crate::scene::desc::MATERIAL_PARAMS;
+use crate::scene::load::FORMATS;
+use crate::script::docgen;
+use crate::transport::integrator::INTEGRATORS;
+use crate::value::schema::{Field, Table, Ty};
+
+/// Prints the annotations for editors, or the tables as JSON.
+pub fn main(args: &SchemaArgs) -> Result<Exit, Failure> {
+    if args.lua {
+        data(&docgen::lua())?;
+    } else {
+        data(&format!("{:#}\n", tables()))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn tables() -> Json {
+    json!({
+        "integrators": INTEGRATORS.iter().map(|r| json!({
+            "name": r.name, "long_name": r.long_name, "revision": r.revision, "doc": r.doc, "params": table(&r.params),
+        })).collect::<Vec<_>>(),
+        "metrics": METRICS.iter().map(|r| json!({
+            "name": r.name, "long_name": r.long_name, "doc": r.doc, "options": table(&r.options),
+            "better": match r.better { Better::Lower => "lower", Better::Higher => "higher" },
+        })).collect::<Vec<_>>(),
+        "tonemaps": TONEMAPS.iter().map(|(name, options)| json!({ "name": name, "options": table(options) }))
+            .collect::<Vec<_>>(),
+        "backends": BACKENDS.iter().map(|r| json!({ "name": r.name, "doc": r.doc })).collect::<Vec<_>>(),
+        "material_params": MATERIAL_PARAMS.iter().map(|r| json!({
+            "name": r.name, "type": r.ty.describe(), "doc": r.doc, "scn_key": r.scn_key, "textured": r.texture.is_some(),
+        })).collect::<Vec<_>>(),
+        "formats": FORMATS.iter().map(|r| json!({ "name": r.name, "extensions": r.extensions, "doc": r.doc }))
+            .collect::<Vec<_>>(),
+    })
+}
+
+fn table(table: &Table) -> Json {
+    json!({ "name": table.name, "doc": table.doc, "fields": table.fields.iter().map(field).collect::<Vec<_>>() })
+}
+
+fn field(field: &Field) -> Json {
+    let mut json = json!({
+        "key": field.key, "type": field.ty.describe(), "required": field.required, "default": field.default,
+        "doc": field.doc,
+    });
+    if let Ty::Table(inner) = field.ty {
+        json["fields"] = inner.fields.iter().map(self::field).collect();
+    }
+    json
+}

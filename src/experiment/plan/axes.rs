@@ -1,0 +1,182 @@
+//! The axes of a sweep: overrides, selections, and the points in their order.
+
+use std::collections::BTreeSet;
+
+use super::PlanError;
+use crate::experiment::spec::{Axis, Point};
+use crate::value::{Value, suggest};
+
+/// The most cells a plan may have.
+pub const MAX_CELLS: u64 = 1_000_000;
+
+/// What the command line changes about a script's experiment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overrides {
+    /// New values for axes. Axes that are zipped keep the steps that have one of the values.
+    pub axes: Vec<(String, Vec<Value>)>,
+    /// Points to keep: of several values for one axis any, of several axes all must match.
+    pub only: Vec<(String, Value)>,
+    /// A backend that replaces the script's, for cells and references alike.
+    pub backend: Option<String>,
+}
+
+/// The axes after overrides and selections, checked.
+pub(super) fn select(axes: &[Axis], overrides: &Overrides, repeats: u32) -> Result<Vec<Axis>, PlanError> {
+    let mut axes = axes.to_vec();
+    check_names(&axes)?;
+    for (name, values) in &overrides.axes {
+        replace(&mut axes, name, values)?;
+    }
+    axes.iter().try_for_each(check_steps)?;
+    keep_only(&mut axes, &overrides.only)?;
+    check_size(&axes, repeats)?;
+    Ok(axes)
+}
+
+/// Every point of the sweep, the last axis varying fastest.
+pub(super) fn points(axes: &[Axis]) -> impl Iterator<Item = Point> + '_ {
+    let count: usize = axes.iter().map(|axis| axis.steps.len()).product();
+    (0..count).map(move |index| {
+        let mut rest = index;
+        let mut place = vec![0; axes.len()];
+        for (axis, place) in axes.iter().zip(&mut place).rev() {
+            *place = rest % axis.steps.len();
+            rest /= axis.steps.len();
+        }
+        let values = |(axis, place): (&Axis, usize)| -> Point {
+            axis.names.iter().cloned().zip(axis.steps[place].iter().cloned()).collect()
+        };
+        axes.iter().zip(place).flat_map(values).collect()
+    })
+}
+
+/// A point in words, for messages.
+pub(super) fn describe(point: &Point) -> String {
+    if point.is_empty() {
+        return "the only point".to_owned();
+    }
+    let parts: Vec<String> = point.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+    parts.join(", ")
+}
+
+fn check_names(axes: &[Axis]) -> Result<(), PlanError> {
+    let mut seen = BTreeSet::new();
+    match axes.iter().flat_map(|axis| &axis.names).find(|name| !seen.insert(name.as_str())) {
+        Some(axis) => Err(PlanError::DuplicateAxis { axis: axis.clone() }),
+        None => Ok(()),
+    }
+}
+
+fn check_steps(axis: &Axis) -> Result<(), PlanError> {
+    let name = axis.names.join(", ");
+    if axis.steps.is_empty() {
+        return Err(PlanError::EmptyAxis { axis: name });
+    }
+    let mut seen = BTreeSet::new();
+    let twice = axis.steps.iter().find(|step| {
+        let mut hasher = blake3::Hasher::new();
+        step.iter().for_each(|value| value.hash_into(&mut hasher));
+        !seen.insert(*hasher.finalize().as_bytes())
+    });
+    match twice {
+        Some(step) => {
+            let value = step.iter().map(Value::to_string).collect::<Vec<_>>().join(", ");
+            Err(PlanError::DuplicateValue { axis: name, value })
+        }
+        None => Ok(()),
+    }
+}
+
+fn replace(axes: &mut [Axis], name: &str, values: &[Value]) -> Result<(), PlanError> {
+    let (axis, column) = find(axes, name)?;
+    let axis = &mut axes[axis];
+    if values.is_empty() {
+        return Err(PlanError::EmptyAxis { axis: name.to_owned() });
+    }
+    if axis.names.len() > 1 {
+        for value in values {
+            expect_value(axis, column, value)?;
+        }
+        axis.steps.retain(|step| values.iter().any(|value| same(value, &step[column])));
+        return Ok(());
+    }
+    // A value that the script has keeps the script's kind: on the command line `1` may mean the string "1".
+    let of_script = |value: &Value| axis.steps.iter().map(|step| &step[0]).find(|v| same(value, v));
+    let steps = values.iter().map(|value| vec![of_script(value).unwrap_or(value).clone()]).collect();
+    axis.steps = steps;
+    Ok(())
+}
+
+fn keep_only(axes: &mut [Axis], only: &[(String, Value)]) -> Result<(), PlanError> {
+    let mut kept: Vec<Vec<(usize, Vec<&Value>)>> = vec![Vec::new(); axes.len()];
+    for (name, value) in only {
+        let (axis, column) = find(axes, name)?;
+        expect_value(&axes[axis], column, value)?;
+        match kept[axis].iter_mut().find(|(c, _)| *c == column) {
+            Some((_, values)) => values.push(value),
+            None => kept[axis].push((column, vec![value])),
+        }
+    }
+    for (axis, wanted) in axes.iter_mut().zip(&kept) {
+        axis.steps.retain(|step| wanted.iter().all(|(c, values)| values.iter().any(|v| same(v, &step[*c]))));
+        if axis.steps.is_empty() {
+            let wanted = only.iter().map(|(name, value)| format!("{name} = {value}")).collect::<Vec<_>>().join(", ");
+            return Err(PlanError::NothingSelected { wanted });
+        }
+    }
+    Ok(())
+}
+
+fn check_size(axes: &[Axis], repeats: u32) -> Result<(), PlanError> {
+    if repeats == 0 {
+        return Err(PlanError::NoRepeats);
+    }
+    let cells = axes.iter().map(|axis| axis.steps.len() as f64).product::<f64>() * f64::from(repeats);
+    if cells <= MAX_CELLS as f64 {
+        return Ok(());
+    }
+    let factor = |axis: &Axis| format!("{} of `{}`", axis.steps.len(), axis.names.join(", "));
+    let mut factors: Vec<String> = axes.iter().map(factor).collect();
+    factors.push(format!("{repeats} repeats"));
+    Err(PlanError::TooManyCells { cells: format!("{cells}"), factors: factors.join(" x "), limit: MAX_CELLS })
+}
+
+/// The place of an axis by name: which axis, and which of its zipped columns.
+fn find(axes: &[Axis], name: &str) -> Result<(usize, usize), PlanError> {
+    let place = |(i, axis): (usize, &Axis)| axis.names.iter().position(|n| n == name).map(|column| (i, column));
+    axes.iter().enumerate().find_map(place).ok_or_else(|| PlanError::UnknownAxis {
+        axis: name.to_owned(),
+        help: help(name, axes.iter().flat_map(|axis| &axis.names).map(String::as_str)),
+    })
+}
+
+fn expect_value(axis: &Axis, column: usize, value: &Value) -> Result<(), PlanError> {
+    if axis.steps.iter().any(|step| same(value, &step[column])) {
+        return Ok(());
+    }
+    let known: Vec<String> = axis.steps.iter().map(|step| step[column].to_string()).collect();
+    Err(PlanError::UnknownValue {
+        axis: axis.names[column].clone(),
+        value: value.to_string(),
+        help: help(&value.to_string(), known.iter().map(String::as_str)),
+    })
+}
+
+/// Whether a value from the command line means a value of the script.
+fn same(given: &Value, of_script: &Value) -> bool {
+    given == of_script || given.to_string() == of_script.to_string()
+}
+
+/// The nearest known name, or the first few of them.
+pub(super) fn help<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 12;
+    let known: Vec<&str> = known.into_iter().collect();
+    match suggest::nearest(name, known.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if known.is_empty() => "there are none".to_owned(),
+        None if known.len() > SHOWN => {
+            format!("known: {}, and {} more", known[..SHOWN].join(", "), known.len() - SHOWN)
+        }
+        None => format!("known: {}", known.join(", ")),
+    }
+}

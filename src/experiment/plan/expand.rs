@@ -1,0 +1,262 @@
+//! From a script's experiment to its plan.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::axes::{self, Overrides, describe};
+use super::path::Paths;
+use super::resolve::{LoadScene, Renderable, Resolver};
+use super::{Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity};
+use crate::experiment::spec::{CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
+use crate::experiment::stop::StopRule;
+use crate::value::Value;
+
+/// Expands an experiment to its plan.
+///
+/// Points come in the order of the axes, the first axis slowest; the repeats of a point follow one another. Skip rules
+/// are asked in their order and the first that says yes is recorded. Every scene file is read once through
+/// `load_scene`; points with the same file and the same changes share one scene.
+///
+/// # Errors
+/// Whatever keeps the night from being carried out as asked; nothing has been rendered or written then.
+pub fn expand(
+    spec: &Spec,
+    hooks: &dyn ScriptHooks,
+    overrides: &Overrides,
+    load_scene: &mut LoadScene<'_>,
+) -> Result<Plan, PlanError> {
+    let axes = axes::select(&spec.axes, overrides, spec.repeats)?;
+    let mut builder = Builder::new(spec, hooks, overrides, load_scene);
+    for point in axes::points(&axes) {
+        builder.add(point)?;
+    }
+    Ok(builder.finish())
+}
+
+/// A plan in the making.
+struct Builder<'a> {
+    spec: &'a Spec,
+    hooks: &'a dyn ScriptHooks,
+    backend: Option<&'a str>,
+    resolver: Resolver<'a>,
+    columns: Vec<String>,
+    /// The canonical measurements, without and with a reference.
+    measure: [Value; 2],
+    paths: Paths,
+    cells: Vec<Cell>,
+    references: Vec<Reference>,
+    reference_places: BTreeMap<RunId, usize>,
+    skipped: Vec<Skipped>,
+    /// Stop rules that may never hold, with the number of runs that have them.
+    endless: BTreeMap<String, usize>,
+    unmeasured: usize,
+}
+
+impl<'a> Builder<'a> {
+    fn new(
+        spec: &'a Spec,
+        hooks: &'a dyn ScriptHooks,
+        overrides: &'a Overrides,
+        load: &'a mut LoadScene<'a>,
+    ) -> Builder<'a> {
+        Builder {
+            spec,
+            hooks,
+            backend: overrides.backend.as_deref(),
+            resolver: Resolver::new(load),
+            columns: spec.measure.metrics.iter().map(|metric| metric.column.clone()).collect(),
+            measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
+            paths: Paths::default(),
+            cells: Vec::new(),
+            references: Vec::new(),
+            reference_places: BTreeMap::new(),
+            skipped: Vec::new(),
+            endless: BTreeMap::new(),
+            unmeasured: 0,
+        }
+    }
+
+    fn add(&mut self, point: Point) -> Result<(), PlanError> {
+        if let Some(reason) = self.skip_reason(&point)? {
+            self.skipped.push(Skipped { point, reason });
+            return Ok(());
+        }
+        let config = self.hooks.render(&point).map_err(|e| hook("`render`", &point, e))?;
+        let renderable = self.renderable(config, &point)?;
+        let reference = self.reference(&renderable, &point)?;
+        let stop = self.hooks.stop(&point).map_err(|e| hook("`stop`", &point, e))?;
+        stop.validate(&self.columns, reference.is_some()).map_err(|error| PlanError::Stop {
+            whose: "stop rule",
+            point: describe(&point),
+            error: Box::new(error),
+        })?;
+        self.note_endless(&stop, self.spec.repeats as usize);
+        if reference.is_none() {
+            self.unmeasured += self.spec.repeats as usize;
+        }
+        self.add_cells(point, renderable, reference, stop);
+        Ok(())
+    }
+
+    fn skip_reason(&self, point: &Point) -> Result<Option<String>, PlanError> {
+        for (rule, reason) in self.spec.skips.iter().enumerate() {
+            let asked = self.hooks.skip(rule, point);
+            if asked.map_err(|e| hook(&format!("skip rule `{reason}`"), point, e))? {
+                return Ok(Some(reason.clone()));
+            }
+        }
+        Ok(None)
+    }
+
+    fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
+        if let Some(backend) = self.backend {
+            config.backend = backend.to_owned();
+        }
+        self.resolver.renderable(config, point)
+    }
+
+    fn reference(&mut self, cell: &Renderable, point: &Point) -> Result<Option<usize>, PlanError> {
+        let request = self.hooks.reference(point).map_err(|e| hook("`reference`", point, e))?;
+        let reference = match request {
+            None => return Ok(None),
+            Some(ReferenceRequest::File(file)) => {
+                let (id, identity) = self.resolver.reference_file(&file, point)?;
+                Reference { id, source: ReferenceSource::File(file), identity }
+            }
+            Some(ReferenceRequest::Render { config, stop }) => self.rendered_reference(*config, stop, cell, point)?,
+        };
+        if let Some(place) = self.reference_places.get(&reference.id) {
+            return Ok(Some(*place));
+        }
+        let place = self.references.len();
+        if let ReferenceSource::Render { stop, .. } = &reference.source {
+            self.note_endless(stop, 1);
+        }
+        self.reference_places.insert(reference.id.clone(), place);
+        self.references.push(reference);
+        Ok(Some(place))
+    }
+
+    fn rendered_reference(
+        &mut self,
+        config: CellConfig,
+        stop: StopRule,
+        cell: &Renderable,
+        point: &Point,
+    ) -> Result<Reference, PlanError> {
+        let Renderable { config, scene, picture, resolution } = self.renderable(config, point)?;
+        if resolution != cell.resolution {
+            return Err(PlanError::ReferenceSize {
+                point: describe(point),
+                cell: cell.resolution,
+                reference: resolution,
+            });
+        }
+        stop.validate(&[], false).map_err(|error| PlanError::Stop {
+            whose: "stop rule of the reference",
+            point: describe(point),
+            error: Box::new(error),
+        })?;
+        let seed = identity::reference_seed(self.spec.seed);
+        let end = identity::reference_stop(&stop, &self.spec.script_hash);
+        let identity = Value::Map(identity::run(picture, seed, end));
+        let source = ReferenceSource::Render { config, scene, seed, stop };
+        Ok(Reference { id: identity::run_id(&identity), source, identity })
+    }
+
+    fn add_cells(&mut self, point: Point, renderable: Renderable, reference: Option<usize>, stop: StopRule) {
+        let base = self.paths.of(&point);
+        let separator = if base.is_empty() { "" } else { "/" };
+        let end = identity::cell_stop(&stop, &self.spec.script_hash, &point);
+        let measure = &self.measure[usize::from(reference.is_some())];
+        let truth = reference.map(|place| &self.references[place].id);
+        for repeat in 0..self.spec.repeats {
+            let seed = identity::cell_seed(self.spec.seed, repeat);
+            let run = identity::run(renderable.picture.clone(), seed, end.clone());
+            let identity = identity::cell(run, measure.clone(), truth);
+            self.cells.push(Cell {
+                id: identity::run_id(&identity),
+                point: point.clone(),
+                repeat,
+                seed,
+                config: Arc::clone(&renderable.config),
+                scene: Arc::clone(&renderable.scene),
+                stop: stop.clone(),
+                reference,
+                path: format!("{base}{separator}rep={repeat}"),
+                identity,
+            });
+        }
+    }
+
+    fn note_endless(&mut self, stop: &StopRule, runs: usize) {
+        if !stop.must_end() {
+            *self.endless.entry(stop.describe()).or_default() += runs;
+        }
+    }
+
+    fn finish(self) -> Plan {
+        let warnings = self.warnings();
+        let mut plan = Plan {
+            name: self.spec.name.clone(),
+            hash: String::new(),
+            seed: self.spec.seed,
+            axes: self.spec.axes.iter().flat_map(|axis| axis.names.iter().cloned()).collect(),
+            cells: self.cells,
+            references: self.references,
+            skipped: self.skipped,
+            notes: self.resolver.notes.into_iter().collect(),
+            warnings,
+            measure: self.spec.measure.clone(),
+            figures: self.spec.figures.clone(),
+            tables: self.spec.tables.clone(),
+            script_text: self.spec.script_text.clone(),
+        };
+        plan.hash = identity::plan_hash(&plan);
+        plan
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let endless = |(rule, runs): (&String, &usize)| {
+            format!("{runs} runs end only when `{rule}`, which may never be: add stop.time or stop.samples")
+        };
+        let mut warnings: Vec<String> = self.endless.iter().map(endless).collect();
+        if self.unmeasured > 0 && !self.columns.is_empty() {
+            let columns = self.columns.join(", ");
+            warnings.push(format!("{} cells have no reference, so {columns} will not be measured", self.unmeasured));
+        }
+        warnings.extend(self.twins());
+        warnings
+    }
+
+    /// The warning that several cells are the same run, if any are.
+    fn twins(&self) -> Option<String> {
+        let mut by_id: BTreeMap<&RunId, Vec<&Cell>> = BTreeMap::new();
+        for cell in &self.cells {
+            by_id.entry(&cell.id).or_default().push(cell);
+        }
+        let groups: Vec<&Vec<&Cell>> = by_id.values().filter(|cells| cells.len() > 1).collect();
+        let mut idle: BTreeSet<usize> = BTreeSet::new();
+        for cells in &groups {
+            let differs = |axis: &usize| cells.iter().any(|cell| cell.point[*axis].1 != cells[0].point[*axis].1);
+            idle.extend((0..cells[0].point.len()).filter(differs));
+        }
+        let name = |axis: usize| format!("`{}`", self.cells[0].point[axis].0);
+        let names: Vec<String> = idle.into_iter().map(name).collect();
+        let subject = match names.as_slice() {
+            [] => return None,
+            [one] => format!("axis {one} changes"),
+            _ => format!("axes {} change", names.join(", ")),
+        };
+        let cells: usize = groups.iter().map(|cells| cells.len()).sum();
+        Some(format!(
+            "{subject} nothing in {cells} of {} cells, which share {} run ids",
+            self.cells.len(),
+            groups.len()
+        ))
+    }
+}
+
+fn hook(function: &str, point: &Point, error: HookError) -> PlanError {
+    PlanError::Hook { function: function.to_owned(), point: describe(point), error }
+}

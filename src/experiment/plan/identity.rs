@@ -1,0 +1,219 @@
+//! The identity of runs, references and plans, and the seeds that follow from the experiment's.
+//!
+//! An identity is a canonical [`Value`] of everything that decides a picture and its measurements; its hash is the
+//! run's id. Names of axes and experiments, paths, and the place of the script are not part of it: renaming an axis
+//! renders nothing again. Neither are threads (they never change a picture) and the tone map of the PNG files.
+//!
+//! All runs of one repeat share one seed, whatever their technique, so two runs use common random numbers exactly where
+//! they ask for the same dimension of the same sample, and a difference between two techniques is not a difference of
+//! luck in choosing seeds. References have a seed that no cell can have: were it the same, a run would share its noise
+//! with the truth it is measured against and look better than it is.
+
+use std::collections::BTreeMap;
+
+use super::{Plan, RunId};
+use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue};
+use crate::experiment::stop::StopRule;
+use crate::metrics::MetricSpec;
+use crate::transport::camera::FilterKind;
+use crate::transport::integrator::IntegratorRow;
+use crate::value::Value;
+
+/// Raised whenever the meaning of an identity changes; earlier runs are then no longer found.
+pub const FORMAT: i64 = 1;
+
+/// Marks the seeds of references; no seed of a cell has this bit.
+const REFERENCE_BIT: u64 = 1 << 63;
+
+/// The seed of every cell of repeat number `repeat`.
+pub fn cell_seed(experiment: u64, repeat: u32) -> u64 {
+    derive("lumbre 1 seed of a cell", experiment, repeat) & !REFERENCE_BIT
+}
+
+/// The seed of every reference.
+pub fn reference_seed(experiment: u64) -> u64 {
+    derive("lumbre 1 seed of a reference", experiment, 0) | REFERENCE_BIT
+}
+
+fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
+    let mut material = [0; 12];
+    material[..8].copy_from_slice(&experiment.to_le_bytes());
+    material[8..].copy_from_slice(&repeat.to_le_bytes());
+    let key = blake3::derive_key(context, &material);
+    key[..8].iter().rev().fold(0, |seed, byte| seed << 8 | u64::from(*byte))
+}
+
+/// The id of an identity: the first 32 hex digits of its hash.
+pub fn run_id(identity: &Value) -> RunId {
+    RunId(digest(identity)[..32].to_owned())
+}
+
+/// What decides a picture, but for its seed and its end. The configuration has nothing left open.
+pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8; 32]) -> BTreeMap<String, Value> {
+    let kind = match config.filter.kind {
+        FilterKind::Box => "box",
+        FilterKind::Gauss => "gauss",
+    };
+    let integrator = map([
+        ("name", row.name.into()),
+        ("revision", Value::Int(i64::from(row.revision))),
+        ("params", Value::Map(config.params.clone())),
+    ]);
+    let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
+    let whole = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
+    let resolution = config.resolution.map_or(Value::Nil, |r| Value::List(r.map(|n| Value::Int(i64::from(n))).into()));
+    let fields = [
+        ("format", Value::Int(FORMAT)),
+        ("scene", Value::Str(blake3::Hash::from_bytes(*scene_hash).to_hex().to_string())),
+        ("integrator", integrator),
+        ("resolution", resolution),
+        ("max_depth", whole(config.max_depth)),
+        ("rr_start", whole(config.rr_start)),
+        ("filter", filter),
+        ("backend", config.backend.as_str().into()),
+    ];
+    fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+}
+
+/// A picture with its seed and end: the identity of a rendered reference.
+pub(super) fn run(mut picture: BTreeMap<String, Value>, seed: u64, stop: Value) -> BTreeMap<String, Value> {
+    picture.insert("seed".to_owned(), Value::Str(format!("{seed:016x}")));
+    picture.insert("stop".to_owned(), stop);
+    picture
+}
+
+/// A run with its measurements: the identity of a cell.
+pub(super) fn cell(mut run: BTreeMap<String, Value>, measure: Value, reference: Option<&RunId>) -> Value {
+    run.insert("measure".to_owned(), measure);
+    run.insert("reference".to_owned(), reference.map_or(Value::Nil, |id| Value::Str(id.0.clone())));
+    Value::Map(run)
+}
+
+/// The identity of a reference that comes from a file: its content, wherever it lies.
+pub(super) fn reference_file(content: &blake3::Hash) -> Value {
+    map([("format", Value::Int(FORMAT)), ("file", Value::Str(content.to_hex().to_string()))])
+}
+
+/// What decides the measurements and the kept pictures of a run; `measured` says whether it has a reference, without
+/// which no metric counts. `every_s` is part of it because it decides when metrics are computed and thus what a rule
+/// with `hold` sees, and names of columns because the run's files bear them. The tone map of the PNG files is not,
+/// since the EXR files beside them do not depend on it.
+pub(super) fn measure(measure: &Measure, measured: bool) -> Value {
+    let metric = |m: &MetricSpec| map([("column", m.column.as_str().into()), ("value", m.identity())]);
+    let metrics = if measured { measure.metrics.iter().map(metric).collect() } else { Vec::new() };
+    let keep = match measure.snapshots {
+        Snapshots::Last => "last",
+        Snapshots::Pow2 => "pow2",
+    };
+    map([("every_s", Value::number(measure.every_s)), ("metrics", Value::List(metrics)), ("keep", keep.into())])
+}
+
+/// A cell's stop rule. A predicate is identified by the script's hash and the point at which it was made, because a
+/// function may remember the point; its number is left out, since it depends on which other points were asked for.
+pub(super) fn cell_stop(rule: &StopRule, script_hash: &[u8; 32], point: &Point) -> Value {
+    rule.canonical(&|_| {
+        let point = point.iter().map(|(name, value)| (name.clone(), value.clone())).collect();
+        map([("script", hex(script_hash)), ("point", Value::Map(point))])
+    })
+}
+
+/// A reference's stop rule. Its predicates are identified by the script's hash and their number, so that the points
+/// which share a reference go on sharing it.
+pub(super) fn reference_stop(rule: &StopRule, script_hash: &[u8; 32]) -> Value {
+    rule.canonical(&|id| map([("script", hex(script_hash)), ("number", Value::Int(id as i64))]))
+}
+
+/// The hash of a plan, 32 hex digits: its name, its cells with their points, its figures and tables.
+pub(super) fn plan_hash(plan: &Plan) -> String {
+    let cell = |cell: &super::Cell| {
+        let point = cell.point.iter().flat_map(|(name, value)| [Value::from(name.as_str()), value.clone()]).collect();
+        Value::List(vec![Value::Str(cell.id.0.clone()), Value::Int(i64::from(cell.repeat)), Value::List(point)])
+    };
+    let whole = map([
+        ("format", Value::Int(FORMAT)),
+        ("name", plan.name.as_str().into()),
+        ("cells", Value::List(plan.cells.iter().map(cell).collect())),
+        ("figures", Value::List(plan.figures.iter().map(figure).collect())),
+        ("tables", Value::List(plan.tables.iter().map(table).collect())),
+    ]);
+    digest(&whole)[..32].to_owned()
+}
+
+fn figure(figure: &FigureSpec) -> Value {
+    let x = match figure.x {
+        FigureX::RenderS => "render_s",
+        FigureX::Samples => "samples",
+    };
+    map([
+        ("name", figure.name.as_str().into()),
+        ("x", x.into()),
+        ("y", texts(&figure.y)),
+        ("by", figure.by.as_deref().map_or(Value::Nil, Value::from)),
+        ("facet", texts(&figure.facet)),
+    ])
+}
+
+fn table(table: &TableSpec) -> Value {
+    let value = match &table.value {
+        TableValue::Metric(column) => map([("metric", column.as_str().into())]),
+        TableValue::Samples => "samples".into(),
+        TableValue::RenderS => "render_s".into(),
+        TableValue::MpathsPerS => "mpaths_per_s".into(),
+        TableValue::TimeTo { column, threshold } => {
+            map([("time_to", column.as_str().into()), ("threshold", Value::number(*threshold))])
+        }
+    };
+    let formats = table.formats.iter().map(|f| Value::Str(format!("{f:?}").to_lowercase())).collect();
+    map([
+        ("name", table.name.as_str().into()),
+        ("value", value),
+        ("rows", texts(&table.rows)),
+        ("cols", texts(&table.cols)),
+        ("formats", Value::List(formats)),
+    ])
+}
+
+fn texts(texts: &[String]) -> Value {
+    Value::List(texts.iter().map(|t| t.as_str().into()).collect())
+}
+
+fn hex(hash: &[u8; 32]) -> Value {
+    Value::Str(blake3::Hash::from_bytes(*hash).to_hex().to_string())
+}
+
+fn digest(value: &Value) -> String {
+    let mut hasher = blake3::Hasher::new();
+    value.hash_into(&mut hasher);
+    hasher.finalize().to_hex().to_string()
+}
+
+fn map<const N: usize>(fields: [(&str, Value); N]) -> Value {
+    Value::Map(fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn no_two_repeats_share_a_seed_and_no_reference_shares_one_with_a_cell() {
+        let mut seeds = BTreeSet::new();
+        for experiment in [0, 1, 20_260_427, u64::MAX] {
+            assert!(seeds.insert(reference_seed(experiment)));
+            assert!((0..1000).all(|repeat| seeds.insert(cell_seed(experiment, repeat))));
+            assert!((0..1000).all(|repeat| cell_seed(experiment, repeat) < REFERENCE_BIT));
+            assert!(reference_seed(experiment) >= REFERENCE_BIT);
+        }
+    }
+
+    #[test]
+    fn seeds_are_the_same_on_every_machine_and_in_every_version() {
+        assert_eq!(cell_seed(1, 0), SEED_OF_EXPERIMENT_1);
+        assert_eq!(run_id(&Value::Nil).0.len(), 32);
+    }
+
+    /// Written down once: a change of this number makes every finished run unreachable.
+    const SEED_OF_EXPERIMENT_1: u64 = 6_808_896_390_189_072_400;
+}

@@ -1,0 +1,158 @@
+//! From what a script asks for at one point to something that can be rendered: scenes are read once, every name is
+//! found, and nothing is left open.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::axes::{describe, help};
+use super::{PlanError, RunId, identity};
+use crate::experiment::spec::{CellConfig, Point};
+use crate::render;
+use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
+use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
+use crate::value::Value;
+
+/// The most pixels a picture may have: their sums take 12 GiB.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// What reading a scene file gives: the scene and what of the file could not be honoured.
+pub type LoadedScene = Result<(SceneDesc, Vec<Note>), SceneError>;
+
+/// Reads a scene file.
+pub type LoadScene<'a> = dyn FnMut(&Path) -> LoadedScene + 'a;
+
+/// Something that can be rendered.
+#[derive(Clone)]
+pub(super) struct Renderable {
+    pub(super) config: Arc<CellConfig>,
+    pub(super) scene: Arc<SceneDesc>,
+    /// The part of the identity that says what the picture is.
+    pub(super) picture: BTreeMap<String, Value>,
+    pub(super) resolution: [u32; 2],
+}
+
+/// A scene with changes made, and its content hash.
+type Edited = (Arc<SceneDesc>, [u8; 32]);
+
+/// What was found so far, so that ten thousand cells cost one reading of each file and one probe of each backend.
+pub(super) struct Resolver<'a> {
+    load: &'a mut LoadScene<'a>,
+    files: BTreeMap<PathBuf, Arc<SceneDesc>>,
+    edited: BTreeMap<(PathBuf, [u8; 32]), Edited>,
+    backends: BTreeMap<String, &'static str>,
+    reference_files: BTreeMap<PathBuf, (RunId, Value)>,
+    /// What the scene files say that could not be honoured.
+    pub(super) notes: BTreeSet<Note>,
+}
+
+impl<'a> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>) -> Resolver<'a> {
+        Resolver {
+            load,
+            files: BTreeMap::new(),
+            edited: BTreeMap::new(),
+            backends: BTreeMap::new(),
+            reference_files: BTreeMap::new(),
+            notes: BTreeSet::new(),
+        }
+    }
+
+    /// Finds everything that a configuration names.
+    pub(super) fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
+        let row = integrator_row(&config.integrator, point)?;
+        config.backend = self.backend(&config.backend, point)?.to_owned();
+        let (scene, hash) = self.scene(&config, point)?;
+        let resolution = config.resolution.unwrap_or(scene.resolution);
+        let [width, height] = resolution;
+        if !(1..=MAX_PIXELS).contains(&(u64::from(width) * u64::from(height))) {
+            return Err(PlanError::Resolution { point: describe(point), width, height, limit: MAX_PIXELS });
+        }
+        let max_depth = config.max_depth.unwrap_or(scene.max_depth);
+        if max_depth == 0 {
+            return Err(PlanError::NoDepth { point: describe(point) });
+        }
+        config.resolution = Some(resolution);
+        config.max_depth = Some(max_depth);
+        let picture = identity::picture(&config, row, &hash);
+        Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
+    }
+
+    /// The id and identity of a file that serves as a reference.
+    pub(super) fn reference_file(&mut self, file: &Path, point: &Point) -> Result<(RunId, Value), PlanError> {
+        if let Some(known) = self.reference_files.get(file) {
+            return Ok(known.clone());
+        }
+        let content = hash_file(file).map_err(|e| PlanError::ReferenceFile {
+            point: describe(point),
+            file: file.to_owned(),
+            reason: e.to_string(),
+        })?;
+        let identity = identity::reference_file(&content);
+        let known = (identity::run_id(&identity), identity);
+        self.reference_files.insert(file.to_owned(), known.clone());
+        Ok(known)
+    }
+
+    fn scene(&mut self, config: &CellConfig, point: &Point) -> Result<Edited, PlanError> {
+        let mut hasher = blake3::Hasher::new();
+        Value::Map(config.set.clone()).hash_into(&mut hasher);
+        let key = (config.scene_file.clone(), *hasher.finalize().as_bytes());
+        if let Some(known) = self.edited.get(&key) {
+            return Ok(known.clone());
+        }
+        let mut scene = self.file(&config.scene_file, point)?;
+        if !config.set.is_empty() {
+            let changed = Arc::make_mut(&mut scene);
+            for (path, value) in &config.set {
+                edit::set(changed, path, value)
+                    .map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
+            }
+        }
+        let hash = desc::content_hash(&scene);
+        self.edited.insert(key, (Arc::clone(&scene), hash));
+        Ok((scene, hash))
+    }
+
+    fn file(&mut self, file: &Path, point: &Point) -> Result<Arc<SceneDesc>, PlanError> {
+        if let Some(known) = self.files.get(file) {
+            return Ok(Arc::clone(known));
+        }
+        let (scene, notes) =
+            (self.load)(file).map_err(|e| PlanError::Scene { point: describe(point), error: Box::new(e) })?;
+        self.notes.extend(notes);
+        let scene = Arc::new(scene);
+        self.files.insert(file.to_owned(), Arc::clone(&scene));
+        Ok(scene)
+    }
+
+    fn backend(&mut self, name: &str, point: &Point) -> Result<&'static str, PlanError> {
+        if let Some(known) = self.backends.get(name) {
+            return Ok(known);
+        }
+        let row = render::backend(name).ok_or_else(|| PlanError::UnknownBackend {
+            point: describe(point),
+            name: name.to_owned(),
+            help: help(name, render::BACKENDS.iter().map(|row| row.name).chain(["auto"])),
+        })?;
+        if let Err(reason) = (row.probe)() {
+            return Err(PlanError::UnusableBackend { point: describe(point), name: row.name.to_owned(), reason });
+        }
+        self.backends.insert(name.to_owned(), row.name);
+        Ok(row.name)
+    }
+}
+
+fn integrator_row(name: &str, point: &Point) -> Result<&'static IntegratorRow, PlanError> {
+    integrator(name).ok_or_else(|| PlanError::UnknownIntegrator {
+        point: describe(point),
+        name: name.to_owned(),
+        help: help(name, INTEGRATORS.iter().map(|row| row.name)),
+    })
+}
+
+fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(std::fs::File::open(file)?)?;
+    Ok(hasher.finalize())
+}

@@ -1,0 +1,206 @@
+//! One run: open, then wave after wave until the stop rule holds, the user intervenes, or something fails.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::night::Night;
+use super::waves::Waves;
+use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::spec::{CellConfig, Snapshots};
+use crate::experiment::stop::StopRule;
+use crate::film::{Film, Image, SharedImage};
+use crate::render::{Job, Renderer, WaveStats};
+use crate::scene::{CompiledScene, SceneDesc, compile};
+use crate::transport::integrator::integrator;
+
+/// What a run is to render.
+pub(super) struct Work<'a> {
+    pub(super) cell: CellRef,
+    pub(super) config: &'a CellConfig,
+    pub(super) scene: &'a Arc<SceneDesc>,
+    pub(super) seed: u64,
+    pub(super) stop: &'a StopRule,
+    pub(super) reference: Option<SharedImage>,
+}
+
+/// What became of a run.
+pub(super) struct Ended {
+    pub(super) outcome: Outcome,
+    pub(super) film: Option<Arc<Film>>,
+    pub(super) rows: Vec<WaveRow>,
+}
+
+impl Ended {
+    pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
+        Ended { outcome: Outcome::Cached(folder), film: None, rows }
+    }
+
+    pub(super) fn failed(reason: String) -> Ended {
+        Ended { outcome: Outcome::Failed(reason), film: None, rows: Vec::new() }
+    }
+}
+
+/// A run in progress.
+#[derive(Default)]
+struct Progress {
+    /// Taken away when it panics: its sums can no longer be trusted.
+    renderer: Option<Box<dyn Renderer>>,
+    rows: Vec<WaveRow>,
+}
+
+impl Night<'_, '_> {
+    /// Renders one run to its end, whatever that is.
+    pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
+        let mut progress = Progress::default();
+        let outcome = self.render(work, &mut progress).unwrap_or_else(Outcome::Failed);
+        let film = progress.renderer.as_ref().map(|r| r.film()).filter(|film| film.samples > 0);
+        Ended { outcome, film: film.map(|film| Arc::new(film.clone())), rows: progress.rows }
+    }
+
+    fn render(&mut self, work: &Work<'_>, progress: &mut Progress) -> Result<Outcome, String> {
+        let started = Instant::now();
+        let scene = self.compiled(work)?;
+        let renderer = progress.renderer.insert(self.open(work, scene)?);
+        let open = renderer.open_stats().clone();
+        self.emit(&Event::CellStarted { cell: work.cell, open, reference: work.reference.clone() })?;
+        let plan = self.plan;
+        let columns = plan.columns();
+        let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
+        loop {
+            let samples_so_far = progress.rows.last().map_or(0, |row| row.samples);
+            if let Some(outcome) = self.obey(work.cell, samples_so_far)? {
+                return Ok(outcome);
+            }
+            let samples = waves.next(&progress.rows, work.stop);
+            let stats = advance(&mut progress.renderer, samples)?;
+            let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned()) };
+            let measuring = Instant::now();
+            let image = Arc::new(renderer.film().mean());
+            let metrics = self.measure(&image, work.reference.as_deref())?;
+            let measure_s = measuring.elapsed().as_secs_f64();
+            let row = WaveRow {
+                wall_s: started.elapsed().as_secs_f64(),
+                metrics,
+                ..accumulate(progress.rows.last(), &stats)
+            };
+            if stats.invalid > 0 && progress.rows.iter().all(|row| row.invalid == 0) {
+                self.say(Level::Warn, work.cell, invalid_words(&row))?;
+            }
+            let pow2 = row.samples.is_power_of_two();
+            progress.rows.push(row.clone());
+            self.emit(&Event::Wave { cell: work.cell, row, measure_s, image, pow2 })?;
+            let hooks = self.hooks;
+            let rows = &progress.rows;
+            let mut ask = |id| hooks.predicate(id, &columns, rows);
+            if let Some(reason) = work.stop.check(rows, &columns, &mut ask).map_err(|e| e.to_string())? {
+                return Ok(Outcome::Done(reason));
+            }
+        }
+    }
+
+    /// The compiled form of a scene. The last one is kept, for cells that differ in technique, depth or seed alone.
+    fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
+        if let Some((desc, compiled)) = &self.compiled
+            && Arc::ptr_eq(desc, work.scene)
+        {
+            return Ok(Arc::clone(compiled));
+        }
+        // Dropped first: two large scenes need not fit into memory at once.
+        self.compiled = None;
+        let (compiled, notes) = guard("compiling the scene", || compile(work.scene))?.map_err(|e| e.to_string())?;
+        let compiled = Arc::new(compiled);
+        self.compiled = Some((Arc::clone(work.scene), Arc::clone(&compiled)));
+        for note in notes {
+            if self.told.insert(note.clone()) {
+                self.say(Level::Warn, work.cell, note.to_string())?;
+            }
+        }
+        Ok(compiled)
+    }
+
+    fn open(&self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<Box<dyn Renderer>, String> {
+        let config = work.config;
+        let name = &config.integrator;
+        let job = Job {
+            integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}`"))?,
+            params: config.params.clone(),
+            resolution: config.resolution.unwrap_or(scene.resolution),
+            max_depth: config.max_depth.unwrap_or(scene.max_depth),
+            rr_start: config.rr_start,
+            filter: config.filter,
+            seed: work.seed,
+            threads: self.threads,
+        };
+        guard("opening the backend", || (self.seams.open)(&config.backend, scene, job))?.map_err(|e| e.to_string())
+    }
+
+    /// The metrics of a picture in the order of the plan's columns; none without a reference.
+    fn measure(&self, image: &Image, reference: Option<&Image>) -> Result<Vec<f64>, String> {
+        let Some(reference) = reference else { return Ok(Vec::new()) };
+        let metrics = self.plan.measure.metrics.iter();
+        let values = guard("measuring", || metrics.map(|m| m.eval(image, reference)).collect::<Result<_, _>>())?;
+        values.map_err(|e| e.to_string())
+    }
+
+    /// Does what the user wants before the next wave, and waits while the night is paused.
+    fn obey(&mut self, cell: CellRef, samples: u64) -> Result<Option<Outcome>, String> {
+        loop {
+            if self.control.stop_requested() {
+                return Ok(Some(Outcome::Interrupted));
+            }
+            if self.control.take_skip() {
+                self.say(Level::Warn, cell, format!("given up on request after {samples} samples per pixel"))?;
+                return Ok(Some(Outcome::Interrupted));
+            }
+            if !self.control.paused() {
+                return Ok(None);
+            }
+            (self.seams.wait)();
+        }
+    }
+}
+
+fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {
+    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned()) };
+    let stats = guard("rendering", || renderer.advance(samples))?;
+    *slot = Some(renderer);
+    match stats {
+        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples")),
+        stats => stats.map_err(|e| e.to_string()),
+    }
+}
+
+/// Runs what may panic; a panic becomes a reason.
+fn guard<T>(doing: &str, work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|payload| format!("panic while {doing}: {}", panic_text(&*payload)))
+}
+
+fn panic_text(payload: &(dyn Any + Send)) -> &str {
+    let text = payload.downcast_ref::<&'static str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no reason given")
+}
+
+fn accumulate(last: Option<&WaveRow>, stats: &WaveStats) -> WaveRow {
+    let last = last.cloned().unwrap_or_default();
+    WaveRow {
+        wave: last.wave + 1,
+        samples: last.samples + stats.samples,
+        render_s: last.render_s + stats.render_s,
+        paths: last.paths + stats.paths,
+        rays: last.rays + stats.rays,
+        invalid: last.invalid + stats.invalid,
+        first_invalid: last.first_invalid.or(stats.first_invalid),
+        ..WaveRow::default()
+    }
+}
+
+fn invalid_words(row: &WaveRow) -> String {
+    let place = match row.first_invalid {
+        Some([x, y, sample]) => format!(", the first at column {x}, row {y}, sample {sample}"),
+        None => String::new(),
+    };
+    format!("{} invalid samples (NaN or infinite) in wave {}{place}; they count as black", row.invalid, row.wave)
+}

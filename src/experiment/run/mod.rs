@@ -1,0 +1,115 @@
+//! The state machine of a night.
+//!
+//! References come first, each once, then the cells in the order of the plan. What an earlier night finished is not
+//! rendered again. A wave is the only moment at which anything but rendering happens: measuring, telling the sinks,
+//! asking the stop rule, hearing the user. Of all this only the time inside the renderer counts as render time.
+//!
+//! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
+//! is missing) is recorded with the reason, and the night goes on.
+
+mod cell;
+mod night;
+mod waves;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
+use super::plan::Plan;
+use super::spec::ScriptHooks;
+use crate::render::{Job, RenderError, Renderer, backend};
+use crate::scene::CompiledScene;
+
+/// How one cell or reference of the plan ended.
+#[derive(Clone, Debug)]
+pub struct CellResult {
+    /// Which.
+    pub cell: CellRef,
+    /// How.
+    pub outcome: Outcome,
+    /// Its measurements, oldest first.
+    pub rows: Arc<Vec<WaveRow>>,
+}
+
+/// How the night ended.
+#[derive(Clone, Debug, Default)]
+pub struct NightSummary {
+    /// References first, then cells, in the order of the plan; those never reached are missing.
+    pub results: Vec<CellResult>,
+    /// Whether the user or a signal ended it before all was done. A cell that was given up alone does not count.
+    pub interrupted: bool,
+}
+
+/// Why a night as a whole failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A sink could not prepare; nothing was rendered.
+    #[error("cannot start: {reason}")]
+    Start {
+        /// What the sink said.
+        reason: String,
+    },
+    /// Everything was rendered and recorded, but a sink could not close the night.
+    #[error("all cells were recorded, but the night cannot be closed: {reason}")]
+    Finish {
+        /// What the sink said.
+        reason: String,
+        /// How the night ended otherwise.
+        summary: NightSummary,
+    },
+}
+
+/// Opens a backend by name.
+pub type Open<'a> = &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
+
+/// Where the outside world enters a night besides its sinks, so that tests can stand in for it.
+pub struct Seams<'a> {
+    /// Opens a run.
+    pub open: Open<'a>,
+    /// Waits a moment while the night is paused.
+    pub wait: &'a dyn Fn(),
+}
+
+/// How long a paused night sleeps before it looks again.
+const PAUSE_STEP: Duration = Duration::from_millis(50);
+
+/// Carries out a plan.
+///
+/// `threads` is handed to every renderer; 0 is one for each core.
+///
+/// # Errors
+/// When a sink cannot hear the night's first or last event; everything in between is a cell's failure.
+pub fn run(
+    plan: &Arc<Plan>,
+    hooks: &dyn ScriptHooks,
+    history: &dyn History,
+    sinks: &mut [&mut dyn Sink],
+    control: &Control,
+    threads: usize,
+) -> Result<NightSummary, RunError> {
+    let seams = Seams { open: &open, wait: &|| std::thread::sleep(PAUSE_STEP) };
+    run_with(&seams, plan, hooks, history, sinks, control, threads)
+}
+
+/// [`run`] with the outside world exchanged.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(
+    seams: &Seams<'_>,
+    plan: &Arc<Plan>,
+    hooks: &dyn ScriptHooks,
+    history: &dyn History,
+    sinks: &mut [&mut dyn Sink],
+    control: &Control,
+    threads: usize,
+) -> Result<NightSummary, RunError> {
+    night::Night::new(seams, plan, hooks, history, sinks, control, threads).carry_out()
+}
+
+fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    match backend(name) {
+        Some(row) => (row.open)(scene, job),
+        None => Err(RenderError::Unsupported { backend: "none", reason: format!("there is no backend `{name}`") }),
+    }
+}

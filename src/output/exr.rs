@@ -1,0 +1,212 @@
+//! OpenEXR: linear `f32` RGB with metadata as text attributes.
+//!
+//! Written files are scan lines with ZIP compression in blocks of 16 lines, and equal input gives equal bytes. Read
+//! files may have any compression that the `exr` crate knows, half, float or integer samples, tiles and alpha.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use exr::meta::attribute::{AttributeValue, Text};
+use exr::prelude::{
+    Compression, Encoding, Image as ExrImage, Layer, LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers,
+    SpecificChannels, WritableImage, read,
+};
+
+use super::{OutputError, check_shape};
+use crate::film::Image;
+
+/// Prefix of our attributes' names, so that none can be mistaken for one of the format's own.
+const PREFIX: &str = "lumbre.";
+
+/// Most pixels that an image may have when it is read: 2^28, which is 3 GiB of `f32` RGB.
+const MAX_PIXELS: usize = 1 << 28;
+
+/// The bytes of an EXR file with the channels R, G and B as `f32`, and every pair of `meta` as a text attribute named
+/// `lumbre.<key>`. Keys must be unique and not empty.
+///
+/// # Errors
+/// An image without pixels, a bad key, or a failure of the encoder.
+pub fn encode(image: &Image, meta: &[(String, String)]) -> Result<Vec<u8>, OutputError> {
+    let fail = |reason: String| OutputError::ExrWrite { reason };
+    check_shape(image)?;
+    let mut attributes = LayerAttributes::default();
+    for (key, value) in meta {
+        if key.is_empty() || key.contains('\0') {
+            return Err(fail(format!("`{key}` cannot be the name of an attribute")));
+        }
+        let name = Text::from_slice_unchecked(format!("{PREFIX}{key}").as_bytes());
+        let text = AttributeValue::Text(Text::from_slice_unchecked(value.as_bytes()));
+        if attributes.other.insert(name, text).is_some() {
+            return Err(fail(format!("two attributes are named `{key}`")));
+        }
+    }
+    let encoding =
+        Encoding { compression: Compression::ZIP16, line_order: LineOrder::Increasing, ..Encoding::default() };
+    let size = (image.width as usize, image.height as usize);
+    let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
+        let [r, g, b] = image.data[at.y() * size.0 + at.x()];
+        (r, g, b)
+    });
+    let file = ExrImage::from_layer(Layer::new(size, attributes, encoding, channels));
+    let mut bytes = Vec::new();
+    file.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(|e| fail(e.to_string()))?;
+    sort_attributes(&mut bytes).ok_or_else(|| fail("the encoder left a header of unknown form".to_owned()))?;
+    Ok(bytes)
+}
+
+/// Sorts the header's attributes by name: the encoder keeps them in a hash map whose order changes with every run.
+/// The header keeps its length, so the offsets that follow it stay right. `None` when the header is not understood.
+fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
+    let start = 8; // magic number and version
+    let mut attributes: Vec<&[u8]> = Vec::new();
+    let mut end = start;
+    while *bytes.get(end)? != 0 {
+        let rest = &bytes[end..];
+        let name = rest.iter().position(|b| *b == 0)? + 1;
+        let kind = rest[name..].iter().position(|b| *b == 0)? + 1;
+        let length = rest.get(name + kind..)?.first_chunk::<4>()?;
+        let whole = name + kind + 4 + usize::try_from(i32::from_le_bytes(*length)).ok()?;
+        attributes.push(rest.get(..whole)?);
+        end += whole;
+    }
+    attributes.sort();
+    let sorted = attributes.concat();
+    bytes[start..end].copy_from_slice(&sorted);
+    Some(())
+}
+
+/// The first layer with channels R, G and B, and all text attributes ordered by key; our own come without their
+/// prefix, so that what [`encode`] was given comes back.
+///
+/// # Errors
+/// Anything that is not an EXR with RGB channels, is damaged, or has more than 2^28 pixels.
+pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputError> {
+    let fail = |reason: String| OutputError::ExrRead { reason };
+    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| fail(e.to_string()))?.headers;
+    for size in headers.iter().map(|h| h.layer_size) {
+        if size.0.checked_mul(size.1).is_none_or(|pixels| pixels > MAX_PIXELS) {
+            return Err(fail(format!("{}x{} pixels are more than the limit of {MAX_PIXELS}", size.0, size.1)));
+        }
+    }
+    let file = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| Image::new(size.0 as u32, size.1 as u32),
+            |image: &mut Image, at, (r, g, b): (f32, f32, f32)| {
+                let width = image.width as usize;
+                image.data[at.1 * width + at.0] = [r, g, b];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| fail(e.to_string()))?;
+    let attributes = file.attributes.other.iter().chain(&file.layer_data.attributes.other);
+    let meta: BTreeMap<String, String> = attributes
+        .filter_map(|(name, value)| match value {
+            AttributeValue::Text(text) => {
+                let name = String::from_utf8_lossy(name.as_slice()).into_owned();
+                let key = name.strip_prefix(PREFIX).map(str::to_owned).unwrap_or(name);
+                Some((key, String::from_utf8_lossy(text.as_slice()).into_owned()))
+            }
+            _ => None,
+        })
+        .collect();
+    Ok((file.layer_data.channel_data.pixels, meta.into_iter().collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use exr::prelude::f16;
+
+    use super::*;
+
+    fn picture() -> Image {
+        Image::from_fn(37, 41, |x, y| [x as f32 * 0.25, 1e-6 * y as f32, (x * y) as f32 * 13.7])
+    }
+
+    fn meta() -> Vec<(String, String)> {
+        let pairs =
+            [("device", "cpu, 2 threads"), ("a_key_longer_than_thirty_one_letters", "yes"), ("note", "2 µs × 3")];
+        let mut meta: Vec<_> = pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+        meta.sort();
+        meta
+    }
+
+    #[test]
+    fn pixels_and_metadata_come_back_exactly() {
+        let (image, back) = decode(&encode(&picture(), &meta()).unwrap()).unwrap();
+        assert_eq!(image, picture());
+        assert_eq!(back, meta());
+    }
+
+    #[test]
+    fn special_values_survive() {
+        let image = Image::from_fn(2, 1, |x, _| if x == 0 { [f32::NAN, f32::INFINITY, -0.0] } else { [-3.5; 3] });
+        let (back, _) = decode(&encode(&image, &[]).unwrap()).unwrap();
+        assert!(back.at(0, 0)[0].is_nan());
+        assert_eq!((back.at(0, 0)[1], back.at(1, 0)), (f32::INFINITY, [-3.5; 3]));
+    }
+
+    #[test]
+    fn equal_input_gives_equal_bytes() {
+        let mut backwards = meta();
+        backwards.reverse();
+        let first = encode(&picture(), &meta()).unwrap();
+        for _ in 0..8 {
+            assert_eq!(encode(&picture(), &backwards).unwrap(), first);
+        }
+    }
+
+    #[test]
+    fn half_floats_alpha_and_piz_are_read() {
+        let channels = SpecificChannels::rgba(|at: exr::math::Vec2<usize>| {
+            (f16::from_f32(at.x() as f32), f16::from_f32(at.y() as f32), f16::from_f32(0.5), f16::ONE)
+        });
+        let encoding = Encoding { compression: Compression::PIZ, ..Encoding::default() };
+        let file = ExrImage::from_layer(Layer::new((9, 5), LayerAttributes::named("main"), encoding, channels));
+        let mut bytes = Vec::new();
+        file.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).unwrap();
+        let (image, _) = decode(&bytes).unwrap();
+        assert_eq!(image, Image::from_fn(9, 5, |x, y| [x as f32, y as f32, 0.5]));
+    }
+
+    #[test]
+    fn damaged_and_foreign_bytes_are_errors() {
+        let whole = encode(&picture(), &meta()).unwrap();
+        for bytes in [&b""[..], b"not an image", &whole[..whole.len() / 2], &whole[..40]] {
+            assert!(matches!(decode(bytes), Err(OutputError::ExrRead { .. })), "{} bytes", bytes.len());
+        }
+        let empty = encode(&Image::new(0, 4), &[]).unwrap_err();
+        assert_eq!(empty, OutputError::Shape { width: 0, height: 4, pixels: 0 });
+        let twice = [("a".to_owned(), "1".to_owned()), ("a".to_owned(), "2".to_owned())];
+        assert!(encode(&picture(), &twice).is_err());
+    }
+
+    #[test]
+    fn mitsuba_references_have_the_mean_that_their_json_states() {
+        let shared = std::env::var_os("LUMBRE_SHARED")
+            .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+        let Ok(folder) = std::fs::read_dir(shared.join("references")) else {
+            println!("SKIPPED: no folder {}", shared.join("references").display());
+            return;
+        };
+        let mut compared = 0;
+        for json in folder.map(|entry| entry.unwrap().path()).filter(|p| p.extension().is_some_and(|e| e == "json")) {
+            let facts: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
+            let exr = json.with_extension("exr");
+            let Some(stated) = facts["mean_rgb"].as_array().filter(|_| exr.exists()) else { continue };
+            let (image, _) = decode(&std::fs::read(&exr).unwrap()).unwrap();
+            for (mean, stated) in image.mean().iter().zip(stated) {
+                let stated = stated.as_f64().unwrap();
+                assert!((mean - stated).abs() < 1e-5 * stated.max(1e-3), "{}: {mean} {stated}", exr.display());
+            }
+            compared += 1;
+        }
+        assert!(compared > 0, "no reference with an image in {}", shared.display());
+    }
+}

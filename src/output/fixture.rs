@@ -1,0 +1,134 @@
+//! Hand-made plans and results for the unit tests of this room.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::experiment::plan::{Cell, Plan, RunId};
+use crate::experiment::spec::{CellConfig, Measure, Snapshots};
+use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
+use crate::metrics::MetricSpec;
+use crate::metrics::tonemap::Tonemap;
+use crate::scene::SceneDesc;
+use crate::scene::desc::CameraDesc;
+use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::value::Value;
+
+/// An axis with its values.
+pub type AxisValues<'a> = (&'a str, Vec<Value>);
+
+/// A plan of every combination of the axes' values, each `repeats` times, measured by `rmse`, `ssim` and `psnr`.
+/// The axis `technique`, where there is one, chooses the integrator.
+pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
+    let mut points = vec![Vec::new()];
+    for (name, values) in axes {
+        points = points
+            .iter()
+            .flat_map(|p: &Vec<(String, Value)>| {
+                values.iter().map(|v| [p.as_slice(), &[((*name).to_owned(), v.clone())]].concat())
+            })
+            .collect();
+    }
+    let cells = points.iter().flat_map(|point| (0..repeats).map(move |repeat| (point, repeat)));
+    let cells = cells.enumerate().map(|(i, (point, repeat))| cell(i, point.clone(), repeat)).collect();
+    Plan {
+        name: "night".to_owned(),
+        hash: "3f9a5b".to_owned(),
+        seed: 1,
+        axes: axes.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        cells,
+        references: Vec::new(),
+        skipped: Vec::new(),
+        notes: Vec::new(),
+        warnings: Vec::new(),
+        measure: Measure {
+            every_s: 0.5,
+            metrics: ["rmse", "ssim", "psnr"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap()).to_vec(),
+            snapshots: Snapshots::Last,
+            display: Tonemap::Srgb { exposure: 0.0 },
+        },
+        figures: Vec::new(),
+        tables: Vec::new(),
+        script_text: String::new(),
+    }
+}
+
+fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
+    let technique = point.iter().find(|(axis, _)| axis == "technique").and_then(|(_, v)| v.as_str());
+    let integrator = technique.unwrap_or("bpt").to_owned();
+    let path: Vec<String> = point.iter().map(|(axis, v)| format!("{axis}={v}")).collect();
+    let camera = CameraDesc {
+        position: Vec3::ZERO,
+        target: Vec3::Z,
+        up: Vec3::Y,
+        fov_deg: 60.0,
+        aperture: 0.0,
+        focus_distance: None,
+    };
+    Cell {
+        id: RunId(format!("run{index:02}")),
+        path: format!("{}/rep={repeat}", path.join("/")),
+        point,
+        repeat,
+        seed: 100 + index as u64,
+        config: Arc::new(CellConfig {
+            scene: "box".to_owned(),
+            scene_file: PathBuf::from("scenes/box.scn"),
+            integrator,
+            params: BTreeMap::new(),
+            max_depth: Some(5),
+            resolution: Some([64, 36]),
+            rr_start: None,
+            filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            set: BTreeMap::new(),
+            backend: "mock".to_owned(),
+        }),
+        scene: Arc::new(SceneDesc {
+            resolution: [64, 36],
+            max_depth: 5,
+            camera,
+            materials: Vec::new(),
+            entities: Vec::new(),
+        }),
+        stop: StopRule::Samples(64),
+        reference: None,
+        identity: Value::Nil,
+    }
+}
+
+/// A finished cell whose waves took `render_s` and measured `rmse`; SSIM and PSNR follow from it by made-up formulas.
+pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
+    let rows = waves.iter().enumerate().map(|(i, (render_s, rmse))| WaveRow {
+        wave: i as u64 + 1,
+        samples: 1 << i,
+        render_s: *render_s,
+        wall_s: render_s * 1.5,
+        paths: 2_000_000 << i,
+        rays: 8_000_000 << i,
+        invalid: 0,
+        first_invalid: None,
+        metrics: vec![*rmse, 1.0 - rmse / 2.0, 40.0 - 40.0 * rmse],
+    });
+    CellResult {
+        cell: CellRef::Cell(cell),
+        outcome: Outcome::Done("64 samples".to_owned()),
+        rows: Arc::new(rows.collect()),
+    }
+}
+
+/// A result with another outcome and no measurements.
+pub fn ended(cell: usize, outcome: Outcome) -> CellResult {
+    CellResult { cell: CellRef::Cell(cell), outcome, rows: Arc::default() }
+}
+
+/// Text values.
+pub fn words(words: &[&str]) -> Vec<Value> {
+    words.iter().map(|w| Value::from(*w)).collect()
+}
+
+/// Numbers.
+pub fn numbers(numbers: &[f64]) -> Vec<Value> {
+    numbers.iter().map(|x| Value::number(*x)).collect()
+}

@@ -1,0 +1,105 @@
+//! Names and numbers as people read them in tables and figures.
+
+use crate::experiment::plan::Plan;
+use crate::metrics::MetricSpec;
+use crate::transport::integrator::integrator;
+use crate::value::Value;
+
+/// The place of a metric column among the plan's columns, and its metric.
+pub fn column<'a>(plan: &'a Plan, name: &str) -> Option<(usize, &'a MetricSpec)> {
+    plan.measure.metrics.iter().enumerate().find(|(_, m)| m.column == name)
+}
+
+/// The value that cell `index` has on an axis.
+pub fn axis_value<'a>(plan: &'a Plan, index: usize, axis: &str) -> Option<&'a Value> {
+    plan.cells.get(index)?.point.iter().find(|(name, _)| name == axis).map(|(_, value)| value)
+}
+
+/// Whether an axis chooses the integrator: every cell renders with the one that its value on the axis names.
+pub fn is_integrator_axis(plan: &Plan, axis: &str) -> bool {
+    !plan.cells.is_empty()
+        && plan
+            .cells
+            .iter()
+            .enumerate()
+            .all(|(i, cell)| axis_value(plan, i, axis).and_then(Value::as_str) == Some(cell.config.integrator.as_str()))
+}
+
+/// The long name of an integrator, if it is known.
+pub fn integrator_long_name(name: &str) -> Option<&'static str> {
+    integrator(name).map(|row| row.long_name)
+}
+
+/// `RMSE (root mean square error)`; `column` is added where a script calls it otherwise.
+pub fn metric_title(spec: &MetricSpec) -> String {
+    let also = if spec.column == spec.row.name { String::new() } else { format!(", column `{}`", spec.column) };
+    format!("{} ({}{also})", spec.row.label, spec.row.long_name)
+}
+
+/// A number with `digits` significant digits, without an exponent where that stays short. Not-a-number is `NaN`.
+pub fn significant(x: f64, digits: usize) -> String {
+    if !x.is_finite() || x == 0.0 {
+        return if x == f64::INFINITY { "inf".to_owned() } else { x.to_string() };
+    }
+    let scientific = format!("{x:.*e}", digits.saturating_sub(1));
+    let exponent: i32 = scientific.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
+    match exponent {
+        -4..=6 => format!("{x:.*}", usize::try_from(digits as i32 - 1 - exponent).unwrap_or(0)),
+        _ => scientific,
+    }
+}
+
+/// A number for machines: the shortest text that reads back as the same `f64`; `nan`, `inf` and `-inf` for the rest.
+pub fn exact(x: f64) -> String {
+    if x.is_nan() { "nan".to_owned() } else { x.to_string() }
+}
+
+/// One field of a line of comma-separated values, quoted where it must be [RFC 4180].
+pub fn csv_field(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+/// One line of comma-separated values with its line feed.
+pub fn csv_line<S: AsRef<str>>(fields: &[S]) -> String {
+    let fields: Vec<String> = fields.iter().map(|f| csv_field(f.as_ref())).collect();
+    fields.join(",") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn significant_digits() {
+        let cases = [
+            (0.012345, "0.01235"),
+            (12.0, "12.00"),
+            (1024.0, "1024"),
+            (123_456.0, "123456"),
+            (0.000_012_346, "1.235e-5"),
+            (9.9999, "10.00"),
+            (1e9, "1.000e9"),
+            (-0.5, "-0.5000"),
+            (0.0, "0"),
+            (f64::INFINITY, "inf"),
+            (f64::NAN, "NaN"),
+        ];
+        for (x, text) in cases {
+            assert_eq!(significant(x, 4), text);
+        }
+    }
+
+    #[test]
+    fn fields_are_quoted_where_they_must_be() {
+        assert_eq!(
+            csv_line(&["a", "b,c", "say \"hi\"", "two\nlines", " x"]),
+            "a,\"b,c\",\"say \"\"hi\"\"\",\"two\nlines\",\" x\"\n"
+        );
+        assert_eq!(exact(0.1), "0.1");
+        assert_eq!(exact(f64::NAN), "nan");
+    }
+}

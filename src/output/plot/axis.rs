@@ -1,0 +1,219 @@
+//! Axes of figures: ranges, ticks and their labels.
+
+/// How values are spread along an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Equal factors are equally long; only positive values can be drawn.
+    Log,
+    /// Equal differences are equally long.
+    Linear,
+}
+
+impl Scale {
+    /// Whether a value has a place on such an axis.
+    pub fn holds(self, value: f64) -> bool {
+        value.is_finite() && (self == Scale::Linear || value > 0.0)
+    }
+
+    fn forward(self, value: f64) -> f64 {
+        if self == Scale::Log { value.log10() } else { value }
+    }
+
+    fn back(self, place: f64) -> f64 {
+        if self == Scale::Log { 10f64.powf(place) } else { place }
+    }
+}
+
+/// What is written at a tick.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Label {
+    /// `0.05`
+    Plain(String),
+    /// `2×10` with a raised exponent; no factor is a power of ten alone.
+    Power {
+        /// The factor before the power, as text.
+        factor: Option<String>,
+        /// The exponent of ten.
+        exponent: i32,
+    },
+}
+
+/// An axis with its range and ticks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    scale: Scale,
+    low: f64,
+    high: f64,
+    /// Labelled ticks in ascending order.
+    pub ticks: Vec<(f64, Label)>,
+    /// Values of the lines of the fine grid, without the labelled ones.
+    pub minor: Vec<f64>,
+}
+
+/// Free space beyond the outermost values, as a share of the range.
+const PADDING: f64 = 0.04;
+/// Shortest logarithmic axis, in decades.
+const FEWEST_DECADES: f64 = 0.3;
+/// Shortest linear axis, as a share of its largest value.
+const SHORTEST_LINEAR: f64 = 0.02;
+
+impl Axis {
+    /// An axis on which all values that its scale holds have a place; `None` if there are none.
+    pub fn new(scale: Scale, values: impl IntoIterator<Item = f64>) -> Option<Axis> {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for value in values.into_iter().filter(|v| scale.holds(*v)) {
+            let place = scale.forward(value);
+            (low, high) = (low.min(place), high.max(place));
+        }
+        if low > high {
+            return None;
+        }
+        let shortest = match scale {
+            Scale::Log => FEWEST_DECADES,
+            Scale::Linear if low == 0.0 && high == 0.0 => 1.0,
+            Scale::Linear => SHORTEST_LINEAR * low.abs().max(high.abs()),
+        };
+        let widen = ((shortest - (high - low)) / 2.0).max(0.0);
+        (low, high) = (low - widen, high + widen);
+        let padding = PADDING * (high - low);
+        (low, high) = (low - padding, high + padding);
+        let (at, minor) = match scale {
+            Scale::Log => log_ticks(low, high),
+            Scale::Linear => linear_ticks(low, high),
+        };
+        let plain = at.iter().all(|v| *v == 0.0 || (1e-3..1e5).contains(&rounded(v.abs())));
+        let ticks = at.iter().map(|v| (*v, label(*v, plain))).collect();
+        Some(Axis { scale, low, high, ticks, minor })
+    }
+
+    /// Where a value lies: 0 at the lower end, 1 at the upper.
+    pub fn place(&self, value: f64) -> f64 {
+        (self.scale.forward(value) - self.low) / (self.high - self.low)
+    }
+}
+
+/// Labelled values and fine grid between two powers of ten.
+fn log_ticks(low: f64, high: f64) -> (Vec<f64>, Vec<f64>) {
+    let decades = high - low;
+    let within = |v: &f64| (low..=high).contains(&v.log10());
+    let exponents = low.floor() as i32..=high.ceil() as i32;
+    let multiples = |factors: &[f64]| -> Vec<f64> {
+        let all = exponents.clone().flat_map(|e| factors.iter().map(move |f| power(*f, e)));
+        all.filter(within).collect()
+    };
+    let every = (decades / 8.0).ceil() as i32;
+    let ticks = if every > 1 {
+        exponents.clone().filter(|e| e.rem_euclid(every) == 0).map(|e| power(1.0, e)).filter(within).collect()
+    } else if decades >= 3.0 {
+        multiples(&[1.0])
+    } else if decades >= 1.0 {
+        multiples(&[1.0, 2.0, 5.0])
+    } else {
+        multiples(&[1.0, 2.0, 3.0, 5.0, 7.0])
+    };
+    if ticks.len() < 3 && decades < 1.0 {
+        let (ticks, minor) = linear_ticks(Scale::Log.back(low), Scale::Log.back(high));
+        return (ticks, minor);
+    }
+    let fine: Vec<f64> = if every > 1 { multiples(&[1.0]) } else { multiples(&[1., 2., 3., 4., 5., 6., 7., 8., 9.]) };
+    let minor = fine.into_iter().filter(|v| !ticks.contains(v)).collect();
+    (ticks, minor)
+}
+
+/// `factor * 10^exponent`, rounded so that 3e-1 is the same number as 0.3.
+fn power(factor: f64, exponent: i32) -> f64 {
+    rounded(factor * 10f64.powi(exponent))
+}
+
+/// About five labelled values in steps of 1, 2 or 5 times a power of ten, and the fine grid between them.
+fn linear_ticks(low: f64, high: f64) -> (Vec<f64>, Vec<f64>) {
+    let rough = (high - low) / 5.0;
+    let exponent = rough.log10().floor() as i32;
+    let decade = 10f64.powi(exponent);
+    let factor = [1.0, 2.0, 5.0, 10.0].into_iter().min_by(|a, b| {
+        let miss = |f: &f64| (f * decade / rough).ln().abs();
+        miss(a).total_cmp(&miss(b))
+    });
+    let factor = factor.unwrap_or(1.0);
+    let parts = if factor == 2.0 { 4 } else { 5 };
+    let step = factor * decade / f64::from(parts);
+    let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
+    let (ticks, minor): (Vec<i64>, Vec<i64>) = (first..=last).partition(|i| i % i64::from(parts) == 0);
+    let values = |multiples: Vec<i64>| multiples.into_iter().map(|i| rounded(i as f64 * step)).collect();
+    (values(ticks), values(minor))
+}
+
+/// The number without the last digits' noise of binary fractions.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.11e}").parse().unwrap_or(x)
+}
+
+fn label(value: f64, plain: bool) -> Label {
+    let with_minus = |x: f64| rounded(x).to_string().replace('-', "−");
+    if plain || value == 0.0 {
+        return Label::Plain(with_minus(value));
+    }
+    let exponent = rounded(value.abs().log10()).floor() as i32;
+    let factor = rounded(value / 10f64.powi(exponent));
+    Label::Power { factor: (factor != 1.0).then(|| with_minus(factor)), exponent }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(axis: &Axis) -> Vec<String> {
+        let text = |label: &Label| match label {
+            Label::Plain(text) => text.clone(),
+            Label::Power { factor, exponent } => {
+                format!("{}10^{exponent}", factor.as_ref().map(|f| format!("{f}x")).unwrap_or_default())
+            }
+        };
+        axis.ticks.iter().map(|(_, label)| text(label)).collect()
+    }
+
+    #[test]
+    fn logarithmic_labels_fit_the_range() {
+        let log = |low: f64, high: f64| labels(&Axis::new(Scale::Log, [low, high]).unwrap());
+        assert_eq!(log(0.01, 100.0), ["0.01", "0.1", "1", "10", "100"]);
+        assert_eq!(log(0.03, 1.1), ["0.05", "0.1", "0.2", "0.5", "1"]);
+        assert_eq!(log(0.1, 0.8), ["0.1", "0.2", "0.3", "0.5", "0.7"]);
+        assert_eq!(log(1e-7, 1e-3), ["10^-7", "10^-6", "10^-5", "10^-4", "10^-3"]);
+        assert_eq!(log(2e-5, 3e-4), ["2x10^-5", "5x10^-5", "10^-4", "2x10^-4"]);
+        assert_eq!(log(1e-20, 1e20).len(), 7);
+        assert_eq!(log(1.1, 1.9), ["1", "1.2", "1.4", "1.6", "1.8", "2"]);
+    }
+
+    #[test]
+    fn linear_labels_are_round() {
+        let linear = |low: f64, high: f64| labels(&Axis::new(Scale::Linear, [low, high]).unwrap());
+        assert_eq!(linear(12.0, 38.0), ["15", "20", "25", "30", "35"]);
+        assert_eq!(linear(-1.0, 1.0), ["−1", "−0.5", "0", "0.5", "1"]);
+    }
+
+    #[test]
+    fn one_value_and_no_value() {
+        let axis = Axis::new(Scale::Log, [0.5]).unwrap();
+        assert!((axis.place(0.5) - 0.5).abs() < 1e-12);
+        assert!(axis.ticks.len() >= 2, "{axis:?}");
+        let axis = Axis::new(Scale::Linear, [30.0]).unwrap();
+        assert!((axis.place(30.0) - 0.5).abs() < 1e-9 && axis.ticks.len() >= 2, "{axis:?}");
+        assert!(Axis::new(Scale::Linear, [0.0]).is_some());
+        assert_eq!(Axis::new(Scale::Log, [0.0, -1.0, f64::NAN, f64::INFINITY]), None);
+        assert_eq!(Axis::new(Scale::Linear, []), None);
+    }
+
+    #[test]
+    fn every_tick_lies_on_the_axis_and_the_fine_grid_avoids_labels() {
+        for (low, high) in [(1e-9, 1e3), (0.2, 0.21), (3.0, 40.0), (0.001, 0.9)] {
+            for scale in [Scale::Log, Scale::Linear] {
+                let axis = Axis::new(scale, [low, high]).unwrap();
+                for value in axis.ticks.iter().map(|(v, _)| v).chain(&axis.minor) {
+                    assert!((0.0..=1.0).contains(&axis.place(*value)), "{value} on {low}..{high} {scale:?}");
+                }
+                assert!(axis.ticks.iter().all(|(v, _)| !axis.minor.contains(v)), "{axis:?}");
+                assert!(axis.ticks.len() >= 3, "{axis:?}");
+            }
+        }
+    }
+}

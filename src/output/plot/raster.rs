@@ -1,0 +1,75 @@
+//! SVG to PNG with embedded fonts only, so that the picture is the same on every machine.
+
+use std::sync::{Arc, OnceLock};
+
+use resvg::{tiny_skia, usvg};
+
+use super::svg::unescape;
+use crate::output::{OutputError, png};
+
+/// Pixels of the PNG for each pixel of the SVG.
+const ZOOM: f32 = 2.0;
+
+/// The PNG of an SVG at twice its size on white; the SVG's description goes into a text chunk.
+///
+/// # Errors
+/// When the SVG cannot be parsed or is too large for memory.
+pub fn rasterize(svg: &str) -> Result<Vec<u8>, OutputError> {
+    let fail = |reason: String| OutputError::Svg { reason };
+    let options =
+        usvg::Options { font_family: "Ubuntu".to_owned(), fontdb: Arc::clone(fonts()), ..usvg::Options::default() };
+    let tree = usvg::Tree::from_str(svg, &options).map_err(|e| fail(e.to_string()))?;
+    let [width, height] = [tree.size().width(), tree.size().height()].map(|side| (side * ZOOM).ceil() as u32);
+    let mut pixmap = tiny_skia::Pixmap::new(width, height)
+        .ok_or_else(|| fail(format!("{width}x{height} pixels are too many or none")))?;
+    pixmap.fill(tiny_skia::Color::WHITE);
+    resvg::render(&tree, tiny_skia::Transform::from_scale(ZOOM, ZOOM), &mut pixmap.as_mut());
+    let rgb: Vec<u8> = pixmap.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    let meta: Vec<(String, String)> =
+        description(svg).map(|text| ("Description".to_owned(), text)).into_iter().collect();
+    png::encode_bytes([width, height], ::png::ColorType::Rgb, &rgb, &meta)
+}
+
+/// The text of the document's `<desc>` element.
+fn description(svg: &str) -> Option<String> {
+    let (_, rest) = svg.split_once("<desc>")?;
+    rest.split_once("</desc>").map(|(text, _)| unescape(text))
+}
+
+fn fonts() -> &'static Arc<usvg::fontdb::Database> {
+    static FONTS: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
+    FONTS.get_or_init(|| {
+        let mut fonts = usvg::fontdb::Database::new();
+        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+        fonts.load_font_data(epaint_default_fonts::HACK_REGULAR.to_vec());
+        fonts.set_sans_serif_family("Ubuntu");
+        Arc::new(fonts)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::plot::style::INK;
+    use crate::output::plot::svg::{Anchor, Drawing, Font};
+
+    #[test]
+    fn text_is_drawn_with_the_embedded_font_and_metadata_is_kept() {
+        let mut drawing = Drawing::default();
+        drawing.text((4.0, 16.0), Font::new(14.0, INK), Anchor::Start, "error −1 ×");
+        let bytes = rasterize(&drawing.finish(100.0, 24.0, "t", "run a & b")).unwrap();
+        let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        reader.finish().unwrap();
+        assert_eq!((reader.info().width, reader.info().height), (200, 48));
+        let dark = pixels.as_chunks::<3>().0.iter().filter(|p| p[0] < 128).count();
+        assert!((100..4000).contains(&dark), "{dark} dark pixels");
+        assert_eq!(reader.info().uncompressed_latin1_text[0].text, "run a & b");
+    }
+
+    #[test]
+    fn what_is_no_svg_is_an_error() {
+        assert!(matches!(rasterize("plain text"), Err(OutputError::Svg { .. })));
+    }
+}

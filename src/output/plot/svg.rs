@@ -1,0 +1,251 @@
+//! The few SVG elements that figures need.
+
+use std::fmt::Write;
+
+use super::axis::Label;
+use super::style::{INK, Style};
+
+/// Where text stands relative to its point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anchor {
+    /// The point is its left end.
+    Start,
+    /// The point is its middle.
+    Middle,
+    /// The point is its right end.
+    End,
+}
+
+impl Anchor {
+    fn name(self) -> &'static str {
+        match self {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        }
+    }
+}
+
+/// How a piece of text looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Font {
+    /// Size in pixels.
+    pub size: f64,
+    /// Colour.
+    pub fill: &'static str,
+    /// Whether it is a heading: the one light weight that is embedded is then outlined a little.
+    pub strong: bool,
+}
+
+impl Font {
+    /// Body text of a size.
+    pub const fn new(size: f64, fill: &'static str) -> Font {
+        Font { size, fill, strong: false }
+    }
+
+    /// A heading of a size.
+    pub const fn strong(size: f64) -> Font {
+        Font { size, fill: INK, strong: true }
+    }
+}
+
+/// A drawing in progress; coordinates are pixels from the top left.
+#[derive(Debug, Default)]
+pub struct Drawing {
+    body: String,
+}
+
+impl Drawing {
+    fn push(&mut self, element: std::fmt::Arguments<'_>) {
+        // Writing to a String cannot fail.
+        let _ = self.body.write_fmt(element);
+        self.body.push('\n');
+    }
+
+    /// A straight line.
+    pub fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64) {
+        let [x1, y1, x2, y2] = [x1, y1, x2, y2].map(number);
+        self.push(format_args!(
+            r#"<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{colour}" stroke-width="{width}"/>"#
+        ));
+    }
+
+    /// The outline of a rectangle: left, top, width, height.
+    pub fn frame(&mut self, [x, y, w, h]: [f64; 4], colour: &str) {
+        let [x, y, w, h] = [x, y, w, h].map(number);
+        self.push(format_args!(
+            r#"<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="none" stroke="{colour}" stroke-width="0.8"/>"#
+        ));
+    }
+
+    /// A curve through points.
+    pub fn curve(&mut self, points: &[(f64, f64)], style: Style, width: f64) {
+        let points: Vec<String> = points.iter().map(|(x, y)| format!("{},{}", number(*x), number(*y))).collect();
+        let dash = if style.dash.is_empty() { String::new() } else { format!(r#" stroke-dasharray="{}""#, style.dash) };
+        self.push(format_args!(
+            r#"<polyline points="{}" fill="none" stroke="{}" stroke-width="{width}" stroke-linejoin="round"{dash}/>"#,
+            points.join(" "),
+            style.colour
+        ));
+    }
+
+    /// A marker at a point, edged in white so that it stands out from lines that cross.
+    pub fn marker(&mut self, (x, y): (f64, f64), style: Style) {
+        let look = format!(r##"fill="{}" stroke="#ffffff" stroke-width="0.8""##, style.colour);
+        match style.marker() {
+            None => self.push(format_args!(r#"<circle cx="{}" cy="{}" r="3.3" {look}/>"#, number(x), number(y))),
+            Some(corners) => {
+                let corners: Vec<String> =
+                    corners.iter().map(|(dx, dy)| format!("{},{}", number(x + dx), number(y + dy))).collect();
+                self.push(format_args!(r#"<polygon points="{}" {look}/>"#, corners.join(" ")));
+            }
+        }
+    }
+
+    /// A line of text whose baseline is at the point.
+    pub fn text(&mut self, at: (f64, f64), font: Font, anchor: Anchor, text: &str) {
+        self.text_element(at, font, anchor, "", &escape(text));
+    }
+
+    /// A line of text that reads upwards.
+    pub fn text_upwards(&mut self, (x, y): (f64, f64), font: Font, text: &str) {
+        let turn = format!(r#" transform="rotate(-90 {} {})""#, number(x), number(y));
+        self.text_element((x, y), font, Anchor::Middle, &turn, &escape(text));
+    }
+
+    /// The label of a tick, with a raised exponent where it has one.
+    pub fn tick_label(&mut self, at: (f64, f64), font: Font, anchor: Anchor, label: &Label) {
+        let content = match label {
+            Label::Plain(text) => escape(text),
+            Label::Power { factor, exponent } => {
+                let factor = factor.as_ref().map(|f| format!("{}×", escape(f))).unwrap_or_default();
+                let (rise, small) = (number(font.size * 0.4), number(font.size * 0.75));
+                let exponent = exponent.to_string().replace('-', "−");
+                format!(r#"{factor}10<tspan dy="-{rise}" font-size="{small}">{exponent}</tspan>"#)
+            }
+        };
+        self.text_element(at, font, anchor, "", &content);
+    }
+
+    fn text_element(&mut self, (x, y): (f64, f64), font: Font, anchor: Anchor, attributes: &str, content: &str) {
+        let strong = if font.strong {
+            format!(r#" stroke="{}" stroke-width="{}""#, font.fill, number(font.size * 0.025))
+        } else {
+            String::new()
+        };
+        self.push(format_args!(
+            r#"<text x="{}" y="{}" font-size="{}" fill="{}" text-anchor="{}"{strong}{attributes}>{content}</text>"#,
+            number(x),
+            number(y),
+            number(font.size),
+            font.fill,
+            anchor.name()
+        ));
+    }
+
+    /// The whole document on white, with a title and a description for readers and programs.
+    pub fn finish(self, width: f64, height: f64, title: &str, description: &str) -> String {
+        let (width, height) = (number(width.ceil()), number(height.ceil()));
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" font-family=\"{FONTS}\" font-weight=\"300\">\n\
+             <title>{}</title>\n<desc>{}</desc>\n\
+             <rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n{}</svg>\n",
+            escape(title),
+            escape(description),
+            self.body
+        )
+    }
+}
+
+/// Fonts in the order of preference; the first is the one that is embedded for pictures.
+const FONTS: &str = "Ubuntu, 'Ubuntu Light', 'Helvetica Neue', Arial, sans-serif";
+
+/// Widths of the printable ASCII characters of Ubuntu Light, from its `hmtx` table, in thousandths of its size.
+#[rustfmt::skip]
+const WIDTHS: [u16; 95] = [
+    228, 274, 392, 653, 564, 831, 648, 240, 310, 310, 472, 564, 246, 282, 246, 359, 564, 564, 564, 564, 564, 564, 564,
+    564, 564, 564, 246, 246, 564, 564, 564, 380, 940, 641, 630, 609, 702, 555, 520, 658, 692, 248, 487, 599, 502, 865,
+    709, 774, 592, 774, 618, 517, 548, 680, 624, 921, 608, 569, 560, 310, 359, 310, 564, 490, 376, 509, 583, 460, 583,
+    548, 376, 573, 569, 237, 237, 495, 255, 863, 569, 582, 583, 583, 374, 428, 387, 569, 480, 775, 499, 474, 455, 319,
+    262, 319, 564,
+];
+
+/// Width of a line of text in pixels; letters outside ASCII count as wide ones.
+pub fn text_width(text: &str, size: f64) -> f64 {
+    let width = |c: char| {
+        let index = (c as usize).checked_sub(32);
+        f64::from(index.and_then(|i| WIDTHS.get(i)).copied().unwrap_or(640))
+    };
+    text.chars().map(width).sum::<f64>() * size / 1000.0
+}
+
+/// Breaks text at spaces into lines no wider than `width` pixels where words allow.
+pub fn wrap(text: &str, size: f64, width: f64) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ').filter(|w| !w.is_empty()) {
+        let last = lines.len() - 1;
+        let longer = if lines[last].is_empty() { word.to_owned() } else { format!("{} {word}", lines[last]) };
+        if lines[last].is_empty() || text_width(&longer, size) <= width {
+            lines[last] = longer;
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines
+}
+
+/// A coordinate with at most two decimals.
+fn number(x: f64) -> String {
+    let text = format!("{x:.2}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// Text as XML character data; control characters, which XML cannot hold, become spaces.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out += "&amp;",
+            '<' => out += "&lt;",
+            '>' => out += "&gt;",
+            '"' => out += "&quot;",
+            '\n' => out.push('\n'),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// The text that [`escape`] was given.
+pub fn unescape(text: &str) -> String {
+    text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"").replace("&amp;", "&")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_escaped_and_comes_back() {
+        let hostile = "a<b> & \"c\" &lt;";
+        assert_eq!(escape(hostile), "a&lt;b&gt; &amp; &quot;c&quot; &amp;lt;");
+        assert_eq!(unescape(&escape(hostile)), hostile);
+        assert_eq!(escape("bell\u{7}"), "bell ");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!([1.0, 0.126, -0.001, 12.5].map(number), ["1", "0.13", "0", "12.5"]);
+    }
+
+    #[test]
+    fn long_lines_are_broken_at_spaces() {
+        let lines = wrap("one two three four", 10.0, text_width("one two three", 10.0));
+        assert_eq!(lines, ["one two three", "four"]);
+        assert_eq!(wrap("", 10.0, 50.0), [""]);
+        assert_eq!(wrap("unbreakable word", 10.0, 1.0), ["unbreakable", "word"]);
+    }
+}

@@ -1,0 +1,94 @@
+//! PNG: the picture as a display shows it, 8 bits per channel, with metadata as text.
+
+use super::{OutputError, check_shape};
+use crate::film::Image;
+use crate::metrics::tonemap::Tonemap;
+
+/// The bytes of an 8-bit RGB PNG of `image` behind `tonemap`, marked as sRGB, with every pair of `meta` as a text
+/// chunk (`tEXt`, or `iTXt` where the text is not Latin-1). A NaN becomes black.
+///
+/// # Errors
+/// An image without pixels, a key that is no PNG keyword (1 to 79 Latin-1 letters), or a failure of the encoder.
+pub fn encode(image: &Image, tonemap: Tonemap, meta: &[(String, String)]) -> Result<Vec<u8>, OutputError> {
+    check_shape(image)?;
+    let display = tonemap.apply(image);
+    let bytes: Vec<u8> = display.data.as_flattened().iter().map(|x| (x * 255.0).round() as u8).collect();
+    encode_bytes([image.width, image.height], png::ColorType::Rgb, &bytes, meta)
+}
+
+/// The PNG of 8-bit samples in row order, already in the sRGB transfer curve.
+pub(super) fn encode_bytes(
+    [width, height]: [u32; 2],
+    colour: png::ColorType,
+    bytes: &[u8],
+    meta: &[(String, String)],
+) -> Result<Vec<u8>, OutputError> {
+    let fail = |e: png::EncodingError| OutputError::PngWrite { reason: e.to_string() };
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(colour);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    for (key, value) in meta {
+        // The encoder checks text only while it writes, so what `tEXt` cannot hold is told apart here.
+        let latin = value.chars().all(|c| c != '\0' && u32::from(c) < 256);
+        let chunk = if latin {
+            encoder.add_text_chunk(key.clone(), value.clone())
+        } else {
+            encoder.add_itxt_chunk(key.clone(), value.clone())
+        };
+        chunk.map_err(fail)?;
+    }
+    let mut writer = encoder.write_header().map_err(fail)?;
+    writer.write_image_data(bytes).map_err(fail)?;
+    writer.finish().map_err(fail)?;
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    const SRGB: Tonemap = Tonemap::Srgb { exposure: 0.0 };
+
+    fn pairs(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
+        pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect()
+    }
+
+    #[test]
+    fn pixels_are_tone_mapped_and_rounded() {
+        let image = Image::from_fn(2, 2, |x, y| match (x, y) {
+            (0, 0) => [0.0, 0.5, 1.0],
+            (1, 0) => [-1.0, 2.0, f32::INFINITY],
+            (0, 1) => [f32::NAN, 0.214_041_14, 0.0],
+            _ => [0.001; 3],
+        });
+        let bytes = encode(&image, SRGB, &[]).unwrap();
+        let decoded = image::load_from_memory(&bytes).unwrap().to_rgb8();
+        assert_eq!(decoded.dimensions(), (2, 2));
+        assert_eq!(decoded.into_raw(), [0, 188, 255, 0, 255, 255, 0, 128, 0, 3, 3, 3]);
+    }
+
+    #[test]
+    fn metadata_is_inside() {
+        let meta = pairs(&[("run", "3f9a"), ("render_s", "1.25"), ("note", "σ = 0.5")]);
+        let bytes = encode(&Image::new(3, 2), SRGB, &meta).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+        reader.finish().unwrap();
+        let info = reader.info();
+        let latin: Vec<_> = info.uncompressed_latin1_text.iter().map(|t| (t.keyword.clone(), t.text.clone())).collect();
+        assert_eq!(latin, pairs(&[("run", "3f9a"), ("render_s", "1.25")]));
+        let utf8 = &info.utf8_text[0];
+        assert_eq!((utf8.keyword.as_str(), utf8.get_text().unwrap().as_str()), ("note", "σ = 0.5"));
+        assert!(info.srgb.is_some());
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_an_error() {
+        assert!(matches!(encode(&Image::new(0, 0), SRGB, &[]), Err(OutputError::Shape { .. })));
+        let long = "k".repeat(80);
+        assert!(matches!(encode(&Image::new(1, 1), SRGB, &pairs(&[(&long, "")])), Err(OutputError::PngWrite { .. })));
+    }
+}

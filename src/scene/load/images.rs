@@ -1,0 +1,138 @@
+//! Textures: PNG, JPEG, BMP and Radiance HDR files through the `image` crate, within limits.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::{DynamicImage, ImageReader, Limits};
+
+use super::{read, unreadable};
+use crate::scene::desc::{Texels, TextureDesc, texture_hash};
+use crate::scene::{Note, SceneError};
+
+/// Greatest width or height of a texture in pixels.
+const MAX_TEXTURE_SIDE: u32 = 16_384;
+/// Greatest memory that decoding one texture may take, in bytes.
+const MAX_TEXTURE_BYTES: u64 = 1 << 30;
+
+/// Reads an image file. Its format is told from its first bytes, by its extension where they say nothing.
+///
+/// Files with 8 bits per channel are kept as they are stored; Radiance HDR files become floats. Files with 16 bits
+/// per channel are rounded to 8, which is a [`Note`].
+///
+/// # Errors
+/// A file that cannot be read, is no image of a known format, is damaged, or exceeds the limits on its size.
+pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneError> {
+    let malformed = |problem: String| SceneError::Malformed {
+        file: path.to_owned(),
+        place: "image".to_owned(),
+        problem: format!("{problem} (PNG, JPEG, BMP and HDR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"),
+    };
+    let bytes = read(path, MAX_TEXTURE_BYTES)?;
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(path, e))?;
+    if reader.format().is_none()
+        && let Ok(format) = image::ImageFormat::from_path(path)
+    {
+        reader.set_format(format);
+    }
+    let mut limits = Limits::no_limits();
+    limits.max_image_width = Some(MAX_TEXTURE_SIDE);
+    limits.max_image_height = Some(MAX_TEXTURE_SIDE);
+    limits.max_alloc = Some(MAX_TEXTURE_BYTES);
+    reader.limits(limits);
+    let image = reader.decode().map_err(|e| malformed(e.to_string()))?;
+    let (width, height) = (image.width(), image.height());
+    if width == 0 || height == 0 {
+        return Err(malformed("it has no pixels".to_owned()));
+    }
+    let texels = match image {
+        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
+            let texels: Vec<[f32; 4]> = image.into_rgba32f().pixels().map(|p| p.0).collect();
+            if !texels.as_flattened().iter().all(|x| x.is_finite()) {
+                return Err(malformed("it holds values that are not finite".to_owned()));
+            }
+            Texels::RgbaF32(texels)
+        }
+        DynamicImage::ImageLuma8(_)
+        | DynamicImage::ImageLumaA8(_)
+        | DynamicImage::ImageRgb8(_)
+        | DynamicImage::ImageRgba8(_) => rgba8(image),
+        _ => {
+            notes.push(Note {
+                file: path.to_owned(),
+                place: "image".to_owned(),
+                message: "its 16 bits per channel are rounded to 8".to_owned(),
+            });
+            rgba8(image)
+        }
+    };
+    let content_hash = texture_hash(width, height, &texels);
+    Ok(TextureDesc { file: path.to_owned(), width, height, texels, content_hash })
+}
+
+fn rgba8(image: DynamicImage) -> Texels {
+    Texels::Rgba8(image.into_rgba8().pixels().map(|p| p.0).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write_png(path: &Path) {
+        let mut image = image::RgbImage::new(3, 2);
+        image.put_pixel(2, 0, image::Rgb([255, 128, 0]));
+        image.save(path).unwrap();
+    }
+
+    #[test]
+    fn eight_bit_texels_are_kept_as_stored_top_row_first() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        write_png(&path);
+        let mut notes = Vec::new();
+        let t = load(&path, &mut notes).unwrap();
+        assert_eq!((t.width, t.height), (3, 2));
+        let Texels::Rgba8(texels) = &t.texels else { panic!("eight bits expected") };
+        assert_eq!(texels[2], [255, 128, 0, 255]);
+        assert_eq!(texels[5], [0, 0, 0, 255]);
+        assert!(notes.is_empty());
+        let moved = dir.path().join("wrong_extension.jpg");
+        std::fs::copy(&path, &moved).unwrap();
+        assert_eq!(load(&moved, &mut notes).unwrap().content_hash, t.content_hash);
+    }
+
+    #[test]
+    fn high_dynamic_range_is_kept_and_sixteen_bits_are_noted() {
+        let dir = tempfile::tempdir().unwrap();
+        let hdr = dir.path().join("a.hdr");
+        let texels = [image::Rgb([4.0f32, 1.0, 0.25]), image::Rgb([0.0, 0.0, 0.0])];
+        let file = std::fs::File::create(&hdr).unwrap();
+        image::codecs::hdr::HdrEncoder::new(file).encode(&texels, 2, 1).unwrap();
+        let mut notes = Vec::new();
+        let t = load(&hdr, &mut notes).unwrap();
+        let Texels::RgbaF32(texels) = &t.texels else { panic!("floats expected") };
+        assert_eq!(texels[0], [4.0, 1.0, 0.25, 1.0]);
+        assert!(notes.is_empty());
+        let deep = dir.path().join("deep.png");
+        image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(1, 1, image::Luma([65535u16])).save(&deep).unwrap();
+        assert!(matches!(load(&deep, &mut notes).unwrap().texels, Texels::Rgba8(_)));
+        assert!(notes[0].message.contains("16 bits"), "{}", notes[0]);
+    }
+
+    #[test]
+    fn damaged_images_are_errors_that_name_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        write_png(&path);
+        let good = std::fs::read(&path).unwrap();
+        for cut in [0, 1, 8, 20, good.len() / 2] {
+            std::fs::write(&path, &good[..cut]).unwrap();
+            let e = load(&path, &mut Vec::new()).unwrap_err().to_string();
+            assert!(e.contains("a.png"), "{e}");
+        }
+        // A header that promises 2^31 columns must not be believed.
+        let mut huge = good.clone();
+        huge[16] = 0x7f;
+        std::fs::write(&path, &huge).unwrap();
+        assert!(load(&path, &mut Vec::new()).is_err());
+    }
+}

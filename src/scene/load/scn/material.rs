@@ -1,0 +1,141 @@
+//! One entry of `materials`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde_json::Value as Json;
+
+use super::reader::{Object, Report, number, numbers};
+use crate::scene::SceneError;
+use crate::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
+use crate::scene::load::images;
+use crate::value::Value;
+use crate::value::schema::Ty;
+
+/// Keys that the `.scn` program knows and that have no effect here yet.
+const NO_EFFECT_YET: &[&str] = &[
+    "subsurface",
+    "speculartint",
+    "anisotropic",
+    "anisotropic_direction",
+    "anisotropictexture",
+    "sheen",
+    "sheentint",
+    "clearcoat",
+    "clearcoatgloss",
+    "metallictexture",
+    "roughnesstexture",
+    "opacitytexture",
+    "normaltexture",
+];
+
+/// The key of the mask texture, the one texture that multiplies no parameter.
+const MASK_KEY: &str = "masktexture";
+
+/// The textures of one scene, each file read once.
+#[derive(Default)]
+pub(super) struct Textures(BTreeMap<PathBuf, Arc<TextureDesc>>);
+
+impl Textures {
+    fn load(
+        &mut self,
+        key: &str,
+        object: &mut Object,
+        report: &mut Report,
+    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+        let Some((place, name)) = object.string(key, report)? else { return Ok(None) };
+        let path = report.resolve(name);
+        if let Some(texture) = self.0.get(&path) {
+            return Ok(Some(texture.clone()));
+        }
+        let texture = images::load(&path, &mut report.notes).map_err(|e| report.named_at(&place, e))?;
+        let texture = Arc::new(texture);
+        self.0.insert(path, texture.clone());
+        Ok(Some(texture))
+    }
+}
+
+/// Reads a material. Radiance is `emission * color`, so the product is what the description stores; a light without a
+/// colour is white. Emitters reflect nothing.
+pub(super) fn read(
+    path: &str,
+    json: &Json,
+    textures: &mut Textures,
+    report: &mut Report,
+) -> Result<MaterialDesc, SceneError> {
+    let mut object = Object::new(path, json, report)?;
+    let Some((_, name)) = object.string("name", report)? else {
+        return Err(report.error(path, "a material needs a `name`"));
+    };
+    let mut material = MaterialDesc { emitter_reflects: false, ..MaterialDesc::new(name) };
+    for row in MATERIAL_PARAMS {
+        if let Some((place, json)) = object.take(row.scn_key) {
+            let value = clamped(&place, json, &row.ty, report)?;
+            row.set(&mut material, &place, &value).map_err(|e| report.error(e.path, e.problem))?;
+        }
+        if let Some(slot) = row.texture
+            && let Some(texture) = textures.load(row.scn_texture_key, &mut object, report)?
+        {
+            material.textures.push((slot, texture));
+        }
+    }
+    if let Some(texture) = textures.load(MASK_KEY, &mut object, report)? {
+        material.textures.push((TextureSlot::Mask, texture));
+    }
+    for key in NO_EFFECT_YET {
+        if let Some((place, json)) = object.take(key)
+            && json.as_f64() != Some(0.0)
+        {
+            report.note(place, "known, but it has no effect yet: ignored");
+        }
+    }
+    let rows = MATERIAL_PARAMS.iter().flat_map(|r| [r.scn_key, r.scn_texture_key]);
+    let known = rows.chain(NO_EFFECT_YET.iter().copied()).chain(["name", MASK_KEY]).filter(|k| !k.is_empty());
+    object.note_unknown(known, report);
+    shine(path, &mut material, report);
+    Ok(material)
+}
+
+/// The colour of a light and its albedo texture both multiply what it emits.
+fn shine(path: &str, material: &mut MaterialDesc, report: &mut Report) {
+    material.emission *= material.base_color;
+    if material.emission == glam::Vec3::ZERO {
+        return;
+    }
+    let Some(albedo) = material.texture(TextureSlot::BaseColor).cloned() else { return };
+    if material.texture(TextureSlot::Emission).is_some() {
+        report.note(
+            format!("{path}.albedotexture"),
+            "a light has one texture, and this one has an `emissiontexture` too: ignored",
+        );
+    } else {
+        material.textures.push((TextureSlot::Emission, albedo));
+        material.textures.sort_by_key(|(slot, _)| *slot);
+    }
+}
+
+/// The value of a parameter, moved into its range with a note where it lies outside.
+fn clamped(place: &str, json: &Json, ty: &Ty, report: &mut Report) -> Result<Value, SceneError> {
+    match ty {
+        // Every list of numbers in the material table is a colour.
+        Ty::Nums { min, max, .. } => {
+            let xs = numbers::<3>(place, json, report)?;
+            let item = |(i, x): (usize, &f64)| clamp(&format!("{place}[{i}]"), *x, *min, *max, report);
+            Ok(Value::List(xs.iter().enumerate().map(item).collect()))
+        }
+        Ty::Num { min, max } => {
+            let x = number(place, json, report)?;
+            Ok(clamp(place, x, *min, *max, report))
+        }
+        _ => Ok(Value::from_json(json)),
+    }
+}
+
+fn clamp(place: &str, x: f64, min: f64, max: f64, report: &mut Report) -> Value {
+    let inside = x.clamp(min, max);
+    if inside != x {
+        report.note(place, format!("{x} is outside {min} to {max}: {inside} is used"));
+    }
+    Value::number(inside)
+}

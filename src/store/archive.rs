@@ -1,0 +1,121 @@
+//! Reading what earlier nights left. Nothing here writes.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value as Json;
+
+use super::{layout, rows};
+use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::plan::ReferenceSource;
+use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
+use crate::film::Image;
+
+/// Decodes the bytes of a picture; the error is for people. Handed in, because this room knows no image format.
+pub type Decode = fn(&[u8]) -> Result<Image, String>;
+
+/// The finished runs and references below one `out/`.
+#[derive(Debug)]
+pub struct Archive {
+    out: PathBuf,
+    own: Option<PathBuf>,
+    decode: Decode,
+    /// Folders of finished runs by experiment name and run id, filled when a name is first asked for.
+    index: RefCell<BTreeMap<String, BTreeMap<String, PathBuf>>>,
+}
+
+impl Archive {
+    /// What lies below `out`, which need not exist.
+    pub fn new(out: &Path, decode: Decode) -> Archive {
+        Archive { out: out.to_owned(), own: None, decode, index: RefCell::default() }
+    }
+
+    /// The same, looking into one experiment's folder first and always afresh.
+    pub(super) fn for_experiment(out: &Path, own: &Path, decode: Decode) -> Archive {
+        Archive { own: Some(own.to_owned()), ..Archive::new(out, decode) }
+    }
+
+    /// Remembers where a run is about to be written, so that its twin in the same plan finds it.
+    pub(super) fn expect(&self, name: &str, id: &str, folder: &Path) {
+        if self.indexed(name, id).is_none() {
+            let mut index = self.index.borrow_mut();
+            index.entry(name.to_owned()).or_default().insert(id.to_owned(), folder.to_owned());
+        }
+    }
+
+    /// The folder of a finished run of any experiment with this name.
+    fn indexed(&self, name: &str, id: &str) -> Option<PathBuf> {
+        let mut index = self.index.borrow_mut();
+        let runs = index.entry(name.to_owned()).or_insert_with(|| {
+            let all = layout::siblings(&self.out, name).into_iter().flat_map(|f| layout::runs_below(&f.join("runs")));
+            let finished = all.filter(|run| run.join("done.json").is_file());
+            finished.filter_map(|run| Some((run.file_name()?.to_str()?.to_owned(), run))).collect()
+        });
+        runs.get(id).cloned()
+    }
+}
+
+impl History for Archive {
+    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+        match cell {
+            CellRef::Cell(i) => {
+                let cell = plan.cells.get(i)?;
+                let columns = if cell.reference.is_some() { plan.columns() } else { Vec::new() };
+                let look = |folder: PathBuf| finished(&folder, &cell.id.0, "done.json", "final.exr", &columns);
+                let here = self.own.as_ref().and_then(|own| look(layout::run_folder(own, cell)));
+                here.or_else(|| look(self.indexed(&plan.name, &cell.id.0)?))
+            }
+            CellRef::Reference(i) => {
+                let reference = plan.references.get(i)?;
+                let folder = layout::reference_folder(&self.out, &reference.id);
+                finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[])
+            }
+        }
+    }
+
+    fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
+        let (file, advice) = match &wanted.source {
+            ReferenceSource::File(file) => (file.clone(), ""),
+            ReferenceSource::Render { .. } => match self.done(plan, CellRef::Reference(reference)) {
+                Some(run) => (run.folder.join("ref.exr"), " (delete its folder to have it rendered again)"),
+                None => return Ok(None),
+            },
+        };
+        let fail = |problem: String| SinkError(format!("{}: {problem}{advice}", file.display()));
+        let bytes = fs::read(&file).map_err(|e| fail(format!("cannot be read: {e}")))?;
+        (self.decode)(&bytes).map(Some).map_err(fail)
+    }
+}
+
+/// A finished run, if the folder holds one: its last file is there and says so, its picture is there, and its
+/// measurements can be read and have the columns that are asked for.
+fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[String]) -> Option<FinishedRun> {
+    let done = read_json(&folder.join(marker))?;
+    if done["run"].as_str() != Some(id) || !folder.join(picture).is_file() {
+        return None;
+    }
+    let (found, rows) = rows::parse(&fs::read_to_string(folder.join("metrics.csv")).ok()?).ok()?;
+    let places: Vec<usize> =
+        columns.iter().map(|c| found.iter().position(|f| f == c)).collect::<Option<Vec<usize>>>()?;
+    let first_invalid = first_invalid(&done);
+    let rows = rows.into_iter().map(|row| WaveRow {
+        metrics: places.iter().map(|p| row.metrics[*p]).collect(),
+        first_invalid: first_invalid.filter(|_| row.invalid > 0),
+        ..row
+    });
+    Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect() })
+}
+
+/// The place of the first invalid sample as a `done.json` states it.
+pub(super) fn first_invalid(done: &Json) -> Option<[u64; 3]> {
+    let at = |i: usize| done["first_invalid"].get(i).and_then(Json::as_u64);
+    Some([at(0)?, at(1)?, at(2)?])
+}
+
+/// A JSON file, if it is there and whole.
+pub(super) fn read_json(path: &Path) -> Option<Json> {
+    serde_json::from_slice(&fs::read(path).ok()?).ok()
+}

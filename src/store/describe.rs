@@ -1,0 +1,110 @@
+//! Plans and cells as JSON: `plan.json`, `config.json`, and what `lumbre plan --json` prints.
+
+use serde_json::{Map, Value as Json, json};
+
+use super::layout;
+use crate::experiment::plan::ReferenceSource;
+use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point};
+use crate::transport::camera::FilterKind;
+use crate::value::Value;
+
+/// A whole plan: names, hash, axes, every cell with its point and identity, references, what was left out, notes.
+pub fn plan_json(plan: &Plan) -> Json {
+    json!({
+        "name": plan.name,
+        "hash": plan.hash,
+        "seed": plan.seed,
+        "axes": plan.axes,
+        "metrics": plan.columns(),
+        "cells": plan.cells.iter().map(cell_line).collect::<Vec<_>>(),
+        "references": plan.references.iter().map(|r| {
+            let (kind, source) = match &r.source {
+                ReferenceSource::Render { config, .. } => ("render", config_json(config)),
+                ReferenceSource::File(file) => ("file", json!(file.display().to_string())),
+            };
+            json!({ "run": r.id.0, "kind": kind, "source": source })
+        }).collect::<Vec<_>>(),
+        "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason }))
+            .collect::<Vec<_>>(),
+        "warnings": plan.warnings,
+        "notes": plan.notes.iter().map(|n| json!({
+            "file": n.file.display().to_string(), "place": n.place, "message": n.message,
+        })).collect::<Vec<_>>(),
+    })
+}
+
+fn cell_line(cell: &Cell) -> Json {
+    json!({
+        "run": cell.id.0,
+        "path": cell.path,
+        "folder": layout::safe(&cell.path).join(&cell.id.0).to_string_lossy().replace('\\', "/"),
+        "point": point_json(&cell.point),
+        "repeat": cell.repeat,
+        "seed": cell.seed,
+        "integrator": cell.config.integrator,
+        "backend": cell.config.backend,
+        "reference": cell.reference,
+    })
+}
+
+/// The content of a run's `config.json`: what it is, what it renders, and the canonical form behind its id.
+pub fn cell_json(plan: &Plan, cell: CellRef) -> Json {
+    let mut out = Map::new();
+    out.insert("program".into(), concat!("lumbre ", env!("CARGO_PKG_VERSION")).into());
+    out.insert("experiment".into(), plan.name.as_str().into());
+    match cell {
+        CellRef::Cell(i) => {
+            let cell = &plan.cells[i];
+            out.insert("run".into(), cell.id.0.as_str().into());
+            out.insert("plan".into(), plan.hash.as_str().into());
+            out.insert("path".into(), cell.path.as_str().into());
+            out.insert("point".into(), point_json(&cell.point));
+            out.insert("repeat".into(), cell.repeat.into());
+            out.insert("seed".into(), cell.seed.into());
+            out.insert("render".into(), config_json(&cell.config));
+            if let Some(reference) = cell.reference {
+                out.insert("reference".into(), plan.references[reference].id.0.as_str().into());
+            }
+            out.insert("identity".into(), cell.identity.to_json());
+        }
+        CellRef::Reference(i) => {
+            let reference = &plan.references[i];
+            out.insert("run".into(), reference.id.0.as_str().into());
+            match &reference.source {
+                ReferenceSource::Render { config, seed, .. } => {
+                    out.insert("seed".into(), (*seed).into());
+                    out.insert("render".into(), config_json(config));
+                }
+                ReferenceSource::File(file) => {
+                    out.insert("file".into(), file.display().to_string().into());
+                }
+            }
+            out.insert("identity".into(), reference.identity.to_json());
+        }
+    }
+    Json::Object(out)
+}
+
+fn point_json(point: &Point) -> Json {
+    Json::Object(point.iter().map(|(axis, value)| (axis.clone(), value.to_json())).collect())
+}
+
+/// A `render` table with the keys that scripts use.
+fn config_json(config: &CellConfig) -> Json {
+    let kind = match config.filter.kind {
+        FilterKind::Box => "box",
+        FilterKind::Gauss => "gauss",
+    };
+    json!({
+        "scene": config.scene,
+        "scene_file": config.scene_file.display().to_string(),
+        "integrator": config.integrator,
+        "params": Value::Map(config.params.clone()).to_json(),
+        "max_depth": config.max_depth,
+        "resolution": config.resolution,
+        "rr_start": config.rr_start,
+        "aa": { "filter": kind, "radius": config.filter.radius },
+        "set": Value::Map(config.set.clone()).to_json(),
+        "backend": config.backend,
+    })
+}

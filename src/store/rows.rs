@@ -1,0 +1,153 @@
+//! `metrics.csv`: one line for each wave, floats in the shortest form that reads back to the same bits.
+//!
+//! `wave,samples,render_s,wall_s,paths,rays,invalid` and then the plan's metric columns. Samples are per pixel,
+//! `_s` are seconds, the rest are counts; everything is cumulative. `inf`, `-inf` and `NaN` are themselves.
+
+use std::fmt::Write;
+
+use crate::experiment::WaveRow;
+
+/// The columns before the metrics.
+pub const FIXED: [&str; 7] = ["wave", "samples", "render_s", "wall_s", "paths", "rays", "invalid"];
+
+/// The header line, with its line end.
+pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
+    let mut line = FIXED.join(",");
+    for column in metrics {
+        line.push(',');
+        line.push_str(&quote(column));
+    }
+    line.push('\n');
+    line
+}
+
+/// A row as a line, with its line end.
+pub fn line(row: &WaveRow) -> String {
+    let mut line = format!(
+        "{},{},{:?},{:?},{},{},{}",
+        row.wave, row.samples, row.render_s, row.wall_s, row.paths, row.rays, row.invalid
+    );
+    for value in &row.metrics {
+        // Writing to a String cannot fail.
+        let _ = write!(line, ",{value:?}");
+    }
+    line.push('\n');
+    line
+}
+
+/// Reads a whole file back: the metric columns and the rows. A last line without its end was cut off and is ignored.
+///
+/// The place of the first invalid sample is not in this file; it is in `done.json`.
+///
+/// # Errors
+/// A header that is none of ours, or a line that does not fit it; the text names the line.
+pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
+    let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
+    let mut lines = whole.lines();
+    let columns = split(lines.next().ok_or("it is empty")?);
+    if columns.len() < FIXED.len() || columns.iter().zip(FIXED).any(|(found, expected)| found != expected) {
+        return Err(format!("line 1: expected a header that starts with {}", FIXED.join(",")));
+    }
+    let rows = lines
+        .enumerate()
+        .map(|(i, line)| row(line, columns.len()).map_err(|problem| format!("line {}: {problem}", i + 2)));
+    let rows = rows.collect::<Result<_, _>>()?;
+    Ok((columns[FIXED.len()..].to_vec(), rows))
+}
+
+fn row(line: &str, width: usize) -> Result<WaveRow, String> {
+    let cells: Vec<&str> = line.split(',').collect();
+    if cells.len() != width {
+        return Err(format!("expected {width} values, found {}", cells.len()));
+    }
+    let count = |i: usize| cells[i].parse::<u64>().map_err(|_| format!("`{}` is no count ({})", cells[i], FIXED[i]));
+    let number = |i: usize| cells[i].parse::<f64>().map_err(|_| format!("`{}` is no number", cells[i]));
+    Ok(WaveRow {
+        wave: count(0)?,
+        samples: count(1)?,
+        render_s: number(2)?,
+        wall_s: number(3)?,
+        paths: count(4)?,
+        rays: count(5)?,
+        invalid: count(6)?,
+        first_invalid: None,
+        metrics: (FIXED.len()..width).map(number).collect::<Result<_, _>>()?,
+    })
+}
+
+fn quote(cell: &str) -> String {
+    if cell.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", cell.replace('"', "\"\"").replace(['\n', '\r'], " "))
+    } else {
+        cell.to_owned()
+    }
+}
+
+fn split(line: &str) -> Vec<String> {
+    let mut cells = vec![String::new()];
+    let mut quoted = false;
+    let mut chars = line.chars().peekable();
+    while let Some(c) = chars.next() {
+        let cell = cells.len() - 1;
+        match c {
+            '"' if quoted && chars.peek() == Some(&'"') => {
+                chars.next();
+                cells[cell].push('"');
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(String::new()),
+            _ => cells[cell].push(c),
+        }
+    }
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample_row(wave: u64, metrics: &[f64]) -> WaveRow {
+        WaveRow {
+            wave,
+            samples: 1 << wave,
+            render_s: 0.1 + wave as f64 / 3.0,
+            wall_s: 1e-9,
+            paths: u64::MAX,
+            rays: 7,
+            invalid: 0,
+            first_invalid: None,
+            metrics: metrics.to_vec(),
+        }
+    }
+
+    #[test]
+    fn rows_read_back_to_the_same_bits() {
+        let rows = [sample_row(1, &[f64::MIN_POSITIVE, 1e300]), sample_row(2, &[f64::INFINITY, 1.0 / 3.0])];
+        let text = header(["rmse", "odd, \"name\""]) + &rows.iter().map(line).collect::<String>();
+        let (columns, back) = parse(&text).unwrap();
+        assert_eq!(columns, ["rmse", "odd, \"name\""]);
+        assert_eq!(back, rows);
+        let nan = header(["m"]) + &line(&sample_row(1, &[f64::NAN]));
+        assert!(parse(&nan).unwrap().1[0].metrics[0].is_nan());
+    }
+
+    #[test]
+    fn a_line_that_was_cut_off_is_ignored() {
+        let text = header(["rmse"]) + &line(&sample_row(1, &[0.5])) + &line(&sample_row(2, &[0.25]));
+        for cut in 0..text.len() {
+            let kept = text[..cut].matches('\n').count();
+            match parse(&text[..cut]) {
+                Ok((_, rows)) => assert_eq!(rows.len(), kept - 1),
+                Err(_) => assert_eq!(kept, 0),
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_row_is_named_by_its_line() {
+        let good = header(["rmse"]) + &line(&sample_row(1, &[0.5]));
+        assert!(parse(&(good.clone() + "1,2,3\n")).unwrap_err().starts_with("line 3: expected 8 values"));
+        assert!(parse(&(good + "x,2,0.1,0.2,3,4,5,6\n")).unwrap_err().contains("`x` is no count (wave)"));
+        assert!(parse("time,error\n1,2\n").unwrap_err().contains("line 1"));
+    }
+}

@@ -1,0 +1,319 @@
+//! The store on real folders, with a decoder that knows one toy format.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec3;
+use serde_json::json;
+
+use super::*;
+use crate::experiment::event::History;
+use crate::experiment::plan::{Cell, Reference, ReferenceSource};
+use crate::experiment::spec::{CellConfig, Measure, Snapshots};
+use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
+use crate::film::Image;
+use crate::metrics::tonemap::Tonemap;
+use crate::scene::SceneDesc;
+use crate::scene::desc::CameraDesc;
+use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::value::Value;
+
+fn decode(bytes: &[u8]) -> Result<Image, String> {
+    match bytes {
+        [b'I', grey] => Ok(Image::from_fn(1, 1, |_, _| [f32::from(*grey); 3])),
+        _ => Err("not a toy picture".into()),
+    }
+}
+
+fn config() -> Arc<CellConfig> {
+    Arc::new(CellConfig {
+        scene: "scenes/box.scn".into(),
+        scene_file: "scenes/box.scn".into(),
+        integrator: "bpt".into(),
+        params: Default::default(),
+        max_depth: Some(5),
+        resolution: Some([8, 8]),
+        rr_start: None,
+        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        set: Default::default(),
+        backend: "mock".into(),
+    })
+}
+
+fn scene() -> Arc<SceneDesc> {
+    let camera = CameraDesc {
+        position: Vec3::Z,
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        fov_deg: 40.0,
+        aperture: 0.0,
+        focus_distance: None,
+    };
+    Arc::new(SceneDesc { resolution: [8, 8], max_depth: 5, camera, materials: vec![], entities: vec![] })
+}
+
+/// A plan whose cells have the given ids, none with a reference, and one rendered reference.
+fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
+    let cell = |(i, id): (usize, &&str)| Cell {
+        id: RunId((*id).to_owned()),
+        point: vec![("depth".into(), Value::Int(i as i64))],
+        repeat: 0,
+        seed: i as u64,
+        config: config(),
+        scene: scene(),
+        stop: StopRule::Samples(4),
+        reference: None,
+        path: format!("depth={i}/rep=0"),
+        identity: Value::Str((*id).to_owned()),
+    };
+    let source = ReferenceSource::Render { config: config(), scene: scene(), seed: 99, stop: StopRule::Samples(64) };
+    Plan {
+        name: name.into(),
+        hash: hash.into(),
+        seed: 1,
+        axes: vec!["depth".into()],
+        cells: ids.iter().enumerate().map(cell).collect(),
+        references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil }],
+        skipped: vec![],
+        notes: vec![],
+        warnings: vec![],
+        measure: Measure {
+            every_s: 1.0,
+            metrics: vec![],
+            snapshots: Snapshots::Last,
+            display: Tonemap::Srgb { exposure: 0.0 },
+        },
+        figures: vec![],
+        tables: vec![],
+        script_text: "-- a script\n".into(),
+    }
+}
+
+fn row(wave: u64, invalid: u64) -> WaveRow {
+    WaveRow {
+        wave,
+        samples: 1 << wave,
+        render_s: 0.25,
+        wall_s: 0.5,
+        paths: 64,
+        rays: 200,
+        invalid,
+        ..WaveRow::default()
+    }
+}
+
+fn finish_run(store: &Store, plan: &Plan, i: usize) {
+    let mut run = store.start(plan, CellRef::Cell(i)).unwrap();
+    run.open_metrics(&[]).unwrap();
+    run.append_row(&row(1, 0)).unwrap();
+    run.append_row(&WaveRow { first_invalid: Some([1, 2, 3]), ..row(2, 1) }).unwrap();
+    run.write("final.exr", b"I\x07").unwrap();
+    let done = json!({"run": plan.cells[i].id.0, "samples": 4, "render_s": 0.25, "reason": "samples",
+                      "first_invalid": [1, 2, 3]});
+    run.finish(&done).unwrap();
+}
+
+fn only_run(folder: &Path) -> PathBuf {
+    let runs = layout::runs_below(&folder.join("runs"));
+    assert_eq!(runs.len(), 1);
+    runs[0].clone()
+}
+
+#[test]
+fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    assert_eq!(store.folder(), dir.path().join("night-3f9a"));
+    assert_eq!(fs::read_to_string(store.folder().join("experiment.lua")).unwrap(), "-- a script\n");
+    finish_run(&store, &plan, 0);
+    let mut half = store.start(&plan, CellRef::Cell(1)).unwrap();
+    half.open_metrics(&[]).unwrap();
+    half.append_row(&row(1, 0)).unwrap();
+    half.write("final.exr", b"I\x01").unwrap();
+    drop(half);
+
+    let found = store.done(&plan, CellRef::Cell(0)).unwrap();
+    assert_eq!(found.rows, [row(1, 0), WaveRow { first_invalid: Some([1, 2, 3]), ..row(2, 1) }]);
+    assert_eq!(store.done(&plan, CellRef::Cell(1)), None);
+
+    let run = only_run_of(&store, "aa11");
+    for damage in ["done.json", "final.exr", "metrics.csv"] {
+        let kept = fs::read(run.join(damage)).unwrap();
+        fs::remove_file(run.join(damage)).unwrap();
+        assert_eq!(store.done(&plan, CellRef::Cell(0)), None, "without {damage}");
+        fs::write(run.join(damage), kept).unwrap();
+        assert!(store.done(&plan, CellRef::Cell(0)).is_some());
+    }
+    fs::write(run.join("done.json"), "{\"run\": \"aa1").unwrap();
+    assert_eq!(store.done(&plan, CellRef::Cell(0)), None);
+}
+
+fn only_run_of(store: &Store, id: &str) -> PathBuf {
+    let runs = layout::runs_below(&store.folder().join("runs"));
+    runs.into_iter().find(|r| r.ends_with(id)).unwrap()
+}
+
+#[test]
+fn starting_again_removes_stale_results_and_keeps_what_people_put_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    finish_run(&store, &plan, 0);
+    let folder = only_run(store.folder());
+    fs::write(folder.join("snap-2.exr"), b"old").unwrap();
+    fs::write(folder.join("my notes.txt"), b"keep").unwrap();
+    let run = store.start(&plan, CellRef::Cell(0)).unwrap();
+    assert_eq!(run.folder(), folder);
+    let mut names: Vec<_> = fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["config.json", "my notes.txt"]);
+}
+
+#[test]
+fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
+    let dir = tempfile::tempdir().unwrap();
+    let first = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &first, decode).unwrap();
+    finish_run(&store, &first, 0);
+    drop(store);
+    let second = plan("night", "77770", &["cc33", "aa11"]);
+    let store = Store::open(dir.path(), &second, decode).unwrap();
+    assert_eq!(store.done(&second, CellRef::Cell(0)), None);
+    let found = store.done(&second, CellRef::Cell(1)).unwrap();
+    assert!(found.folder.starts_with(dir.path().join("night-3f9a")));
+    let other = plan("day", "3f9a00", &["aa11"]);
+    assert_eq!(Archive::new(dir.path(), decode).done(&other, CellRef::Cell(0)), None);
+    assert!(Archive::new(dir.path(), decode).done(&first, CellRef::Cell(0)).is_some());
+    let listed = list(dir.path());
+    let states: Vec<_> = listed.iter().flat_map(|e| &e.runs).map(|r| (r.run.as_str(), r.state.word())).collect();
+    assert_eq!(states, [("aa11", "done"), ("cc33", "pending"), ("aa11", "elsewhere")]);
+}
+
+#[test]
+fn a_twin_in_the_same_plan_finds_the_run_that_was_just_finished() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    assert_eq!(store.done(&plan, CellRef::Cell(1)), None);
+    finish_run(&store, &plan, 0);
+    assert!(store.done(&plan, CellRef::Cell(1)).unwrap().folder.ends_with("depth=0/rep=0/aa11"));
+}
+
+#[test]
+fn another_plan_with_the_same_digits_gets_more_of_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let first = plan("night", "3f9a00", &[]);
+    let second = plan("night", "3f9a11", &[]);
+    Store::open(dir.path(), &first, decode).unwrap();
+    assert_eq!(Store::open(dir.path(), &second, decode).unwrap().folder(), dir.path().join("night-3f9a1"));
+    assert_eq!(Store::open(dir.path(), &first, decode).unwrap().folder(), dir.path().join("night-3f9a"));
+    assert_eq!(Store::open(dir.path(), &second, decode).unwrap().folder(), dir.path().join("night-3f9a1"));
+}
+
+#[test]
+fn a_second_process_is_refused_while_the_first_is_at_work() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &[]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let error = Store::open(dir.path(), &plan, decode).unwrap_err();
+    let text = error.to_string();
+    assert!(matches!(error, StoreError::Locked { .. }), "{text}");
+    assert!(text.contains(&format!("process {}", std::process::id())), "{text}");
+    drop(store);
+    Store::open(dir.path(), &plan, decode).unwrap();
+}
+
+#[test]
+fn references_are_shared_and_decoded() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut plan = plan("night", "3f9a00", &[]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    assert!(store.image(&plan, 0).unwrap().is_none());
+    let run = store.start(&plan, CellRef::Reference(0)).unwrap();
+    assert_eq!(run.folder(), dir.path().join("refs/ee/ee00"));
+    run.write("ref.exr", b"I\x05").unwrap();
+    run.write_rows(&[WaveRow { metrics: vec![0.5], ..row(1, 0) }]).unwrap();
+    assert!(store.done(&plan, CellRef::Reference(0)).is_none());
+    run.finish(&json!({"run": "ee00"})).unwrap();
+    assert_eq!(store.done(&plan, CellRef::Reference(0)).unwrap().rows, [row(1, 0)]);
+    assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [5.0; 3]);
+    // A reference that a script names is read from its own place; what cannot be read is an error that names it.
+    let file = dir.path().join("truth.exr");
+    plan.references[0].source = ReferenceSource::File(file.clone());
+    assert!(store.image(&plan, 0).unwrap_err().0.contains("truth.exr"));
+    fs::write(&file, b"I\x09").unwrap();
+    assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [9.0; 3]);
+    fs::write(&file, b"junk").unwrap();
+    assert!(store.image(&plan, 0).unwrap_err().0.contains("not a toy picture"));
+}
+
+#[test]
+fn an_unwritable_place_is_found_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("out"), b"a file").unwrap();
+    let plan = plan("night", "3f9a00", &[]);
+    let error = Store::open(&dir.path().join("out"), &plan, decode).unwrap_err();
+    assert!(matches!(error, StoreError::Unwritable { .. }), "{error}");
+}
+
+#[test]
+fn rows_of_another_width_than_the_header_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let mut run = store.start(&plan, CellRef::Cell(0)).unwrap();
+    assert!(run.append_row(&row(1, 0)).is_err());
+    run.open_metrics(&["rmse"]).unwrap();
+    assert!(run.append_row(&row(1, 0)).unwrap_err().to_string().contains("0 metrics"));
+}
+
+#[test]
+fn runs_are_found_by_folder_and_by_the_first_digits() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "aa22"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    finish_run(&store, &plan, 0);
+    finish_run(&store, &plan, 1);
+    let record = read_run(dir.path(), "AA1").unwrap();
+    assert_eq!(record.config["run"], "aa11");
+    assert_eq!(record.config["render"]["aa"]["filter"], "box");
+    assert_eq!(record.rows.len(), 2);
+    assert_eq!(record.rows[1].first_invalid, Some([1, 2, 3]));
+    assert!(record.files.iter().any(|(name, size)| name == "final.exr" && *size == 2));
+    assert_eq!(read_run(dir.path(), record.folder.to_str().unwrap()).unwrap(), record);
+    assert!(matches!(read_run(dir.path(), "aa"), Err(StoreError::Ambiguous { .. })));
+    assert!(matches!(read_run(dir.path(), "ff"), Err(StoreError::NoSuchRun { .. })));
+    let folder = store.folder().to_str().unwrap();
+    assert!(read_run(dir.path(), folder).unwrap_err().to_string().contains("lumbre ls"));
+}
+
+#[test]
+fn states_tell_failed_unfinished_and_pending_apart() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    drop(store.start(&plan, CellRef::Cell(0)).unwrap());
+    drop(store.start(&plan, CellRef::Cell(1)).unwrap());
+    store.journal("cell_finished", &json!({"run": "aa11", "outcome": "failed", "reason": "disk full"})).unwrap();
+    let listed = list(dir.path());
+    let states: Vec<_> = listed[0].runs.iter().map(|r| r.state.clone()).collect();
+    assert_eq!(states, [RunState::Failed("disk full".into()), RunState::Unfinished, RunState::Pending]);
+    assert_eq!(listed[0].references[0].state, RunState::Pending);
+    assert!(list(&dir.path().join("nowhere")).is_empty());
+}
+
+#[cfg(unix)]
+#[test]
+fn latest_points_at_the_newest_and_results_are_ordinary_files() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = tempfile::tempdir().unwrap();
+    for hash in ["1111aa", "2222bb"] {
+        let plan = plan("night", hash, &[]);
+        let store = Store::open(dir.path(), &plan, decode).unwrap();
+        assert_eq!(fs::read_link(dir.path().join("latest")).unwrap().as_os_str(), store.folder().file_name().unwrap());
+        let mode = |name: &str| fs::metadata(store.folder().join(name)).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode("plan.json"), mode("journal.jsonl"));
+    }
+}

@@ -1,0 +1,100 @@
+//! The measurements of one run, thinned so that a night of waves takes no more memory than a minute of them.
+
+use crate::experiment::WaveRow;
+
+/// Most rows that a curve holds.
+pub const CAPACITY: usize = 4096;
+
+/// Measurements of a run in the order of time. When there are more than [`CAPACITY`], every other one is forgotten,
+/// but never the first or the last.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curve {
+    rows: Vec<WaveRow>,
+}
+
+impl Curve {
+    /// The curve of a run's rows.
+    pub fn of(rows: &[WaveRow]) -> Curve {
+        let mut curve = Curve::default();
+        for row in rows {
+            curve.push(row.clone());
+        }
+        curve
+    }
+
+    /// Adds the newest measurement.
+    pub fn push(&mut self, row: WaveRow) {
+        if self.rows.len() >= CAPACITY {
+            let last = self.rows.len() - 1;
+            let mut place = 0;
+            self.rows.retain(|_| {
+                let keep = place % 2 == 0 || place == last;
+                place += 1;
+                keep
+            });
+        }
+        self.rows.push(row);
+    }
+
+    /// The measurements, oldest first.
+    pub fn rows(&self) -> &[WaveRow] {
+        &self.rows
+    }
+
+    /// The newest measurement.
+    pub fn last(&self) -> Option<&WaveRow> {
+        self.rows.last()
+    }
+
+    /// The exponent `b` of `error = a * x^b` fitted by least squares over the last three doublings of `x`, where `x`
+    /// is a positive number of each row and the error its metric `column`. Monte Carlo promises -1/2 for an RMSE.
+    /// `None` with fewer than four usable rows or without spread.
+    pub fn slope(&self, column: usize, x: impl Fn(&WaveRow) -> f64) -> Option<f64> {
+        let usable = |row: &WaveRow| {
+            let (x, y) = (x(row), *row.metrics.get(column)?);
+            (x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()).then(|| (x.ln(), y.ln()))
+        };
+        let points: Vec<(f64, f64)> = self.rows.iter().filter_map(usable).collect();
+        let from = points.last()?.0 - 8f64.ln() - 1e-9;
+        let tail: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 >= from).collect();
+        if tail.len() < 4 {
+            return None;
+        }
+        let n = tail.len() as f64;
+        let (mean_x, mean_y) = (tail.iter().map(|p| p.0).sum::<f64>() / n, tail.iter().map(|p| p.1).sum::<f64>() / n);
+        let spread: f64 = tail.iter().map(|p| (p.0 - mean_x).powi(2)).sum();
+        let product: f64 = tail.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
+        (spread > 1e-12).then(|| product / spread)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(samples: u64, error: f64) -> WaveRow {
+        WaveRow { samples, render_s: samples as f64 * 0.01, metrics: vec![error], ..WaveRow::default() }
+    }
+
+    #[test]
+    fn a_long_night_stays_within_the_capacity_and_keeps_its_ends() {
+        let mut curve = Curve::default();
+        for i in 1..=100_000u64 {
+            curve.push(row(i, 1.0));
+            assert!(curve.rows().len() <= CAPACITY);
+            assert_eq!(curve.rows()[0].samples, 1);
+            assert_eq!(curve.last().unwrap().samples, i);
+        }
+        assert!(curve.rows().is_sorted_by(|a, b| a.samples < b.samples));
+        assert!(curve.rows().len() > CAPACITY / 4);
+    }
+
+    #[test]
+    fn the_slope_of_a_monte_carlo_error_is_a_half() {
+        let rows: Vec<WaveRow> = (0..12).map(|k| row(1 << k, 0.3 / f64::from(1 << k).sqrt())).collect();
+        let slope = Curve::of(&rows).slope(0, |r| r.samples as f64).unwrap();
+        assert!((slope + 0.5).abs() < 1e-12, "{slope}");
+        assert_eq!(Curve::of(&rows[..3]).slope(0, |r| r.samples as f64), None);
+        assert_eq!(Curve::of(&rows).slope(1, |r| r.samples as f64), None);
+    }
+}

@@ -1,0 +1,149 @@
+//! The screen: a pure function of what is known ([`Model`]) and how it is looked at ([`View`]).
+//!
+//! Three layouts: a stack below 80 columns or 24 rows, two columns of panes from there on, three from 160 columns
+//! and 40 rows on. Below 40 columns or 12 rows one line has to do.
+
+pub mod cell;
+pub mod chart;
+pub mod help;
+pub mod log;
+pub mod picture;
+pub mod plan;
+pub mod title;
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::text::Line;
+use ratatui::widgets::{Block, Borders};
+
+use super::look::Look;
+use super::model::Model;
+use super::view::{Focus, View};
+
+/// The smallest screen with panes: columns and rows.
+pub const SMALLEST: [u16; 2] = [40, 12];
+
+/// Where the panes lie; one that is not shown is empty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Regions {
+    /// The line on top.
+    pub title: Rect,
+    /// The plan.
+    pub plan: Rect,
+    /// Facts about the current cell.
+    pub cell: Rect,
+    /// Its error chart.
+    pub chart: Rect,
+    /// Its picture.
+    pub picture: Rect,
+    /// The log.
+    pub log: Rect,
+    /// The line of keys at the bottom.
+    pub hints: Rect,
+}
+
+/// Divides the screen.
+pub fn regions(area: Rect, focus: Focus) -> Regions {
+    let [title, body, hints] =
+        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1)]).areas(area);
+    let panes = match (area.width, area.height) {
+        (160.., 40..) => three_columns(body, focus),
+        (80.., 24..) => two_columns(body, focus),
+        _ => stack(body, focus),
+    };
+    Regions { title, hints, ..panes }
+}
+
+fn columns<const N: usize>(area: Rect, constraints: [Constraint; N]) -> [Rect; N] {
+    Layout::horizontal(constraints).areas(area)
+}
+
+fn rows<const N: usize>(area: Rect, constraints: [Constraint; N]) -> [Rect; N] {
+    Layout::vertical(constraints).areas(area)
+}
+
+/// The pane that has the focus takes `area`.
+fn large(focus: Focus, area: Rect, regions: Regions) -> Regions {
+    match focus {
+        Focus::Overview => regions,
+        Focus::Picture => Regions { picture: area, ..regions },
+        Focus::Chart => Regions { chart: area, ..regions },
+        Focus::Log => Regions { log: area, ..regions },
+    }
+}
+
+fn stack(body: Rect, focus: Focus) -> Regions {
+    let [cell, rest] = rows(body, [Constraint::Length(if body.height >= 18 { 9 } else { 4 }), Constraint::Fill(1)]);
+    let regions = Regions { cell, ..Regions::default() };
+    match focus {
+        Focus::Overview if rest.width >= 72 => {
+            let [plan, chart] = columns(rest, [Constraint::Percentage(42), Constraint::Fill(1)]);
+            Regions { plan, chart, ..regions }
+        }
+        Focus::Overview => Regions { plan: rest, ..regions },
+        _ => large(focus, rest, regions),
+    }
+}
+
+fn two_columns(body: Rect, focus: Focus) -> Regions {
+    let left_width = (body.width * 2 / 5).clamp(32, 56);
+    let [left, right] = columns(body, [Constraint::Length(left_width), Constraint::Fill(1)]);
+    let cell_height = if body.height >= 34 { 12 } else { 9 };
+    let [cell, rest] = rows(right, [Constraint::Length(cell_height), Constraint::Fill(1)]);
+    if focus != Focus::Overview {
+        return large(focus, rest, Regions { plan: left, cell, ..Regions::default() });
+    }
+    let log_height = (body.height / 5).clamp(4, 10);
+    let [chart, log] = rows(rest, [Constraint::Fill(1), Constraint::Length(log_height)]);
+    // Half blocks make square pixels, so a square picture is half as many rows high as it is columns wide.
+    let picture_height = (left_width / 2 + 1).min(body.height / 2);
+    let [plan, picture] = rows(left, [Constraint::Fill(1), Constraint::Length(picture_height)]);
+    Regions { plan, cell, chart, picture, log, ..Regions::default() }
+}
+
+fn three_columns(body: Rect, focus: Focus) -> Regions {
+    let [left, middle, right] = columns(body, [Constraint::Fill(5), Constraint::Fill(6), Constraint::Fill(6)]);
+    let [cell, chart] = rows(middle, [Constraint::Length(12), Constraint::Fill(1)]);
+    if focus != Focus::Overview {
+        let wide = Rect { width: middle.width + right.width, ..chart };
+        let cell = Rect { width: middle.width + right.width, ..cell };
+        return large(focus, wide, Regions { plan: left, cell, ..Regions::default() });
+    }
+    let picture_height = (right.width / 2 + 1).min(body.height.saturating_sub(12));
+    let [picture, log] = rows(right, [Constraint::Length(picture_height), Constraint::Fill(1)]);
+    Regions { plan: left, cell, chart, picture, log, ..Regions::default() }
+}
+
+/// Draws one pane.
+type Draw = fn(&mut Frame, Rect, &Model, &View);
+
+/// Draws everything.
+pub fn draw(frame: &mut Frame, model: &Model, view: &View) {
+    let area = frame.area();
+    if area.width < SMALLEST[0] || area.height < SMALLEST[1] {
+        title::one_line(frame, area, model, view);
+        return;
+    }
+    let regions = regions(area, view.focus);
+    title::draw(frame, regions.title, model, view);
+    title::hints(frame, regions.hints, model, view);
+    for (area, draw) in [
+        (regions.plan, plan::draw as Draw),
+        (regions.cell, cell::draw),
+        (regions.chart, chart::draw),
+        (regions.picture, picture::draw),
+        (regions.log, log::draw),
+    ] {
+        if area.width > 2 && area.height > 2 {
+            draw(frame, area, model, view);
+        }
+    }
+    if view.help {
+        help::draw(frame, area, model, view);
+    }
+}
+
+/// A frame with a title.
+fn pane<'a>(look: Look, title: impl Into<Line<'a>>) -> Block<'a> {
+    Block::new().borders(Borders::ALL).border_set(look.border()).border_style(look.dim()).title(title)
+}

@@ -1,0 +1,218 @@
+//! The plan: every reference and every cell with its state and its numbers.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::pane;
+use crate::experiment::{CellRef, WaveRow};
+use crate::tui::model::{Column, Counts, Entry, Model, State};
+use crate::tui::view::View;
+use crate::tui::words;
+
+/// Rows that the plan has: its references, then its cells.
+pub fn rows(model: &Model) -> usize {
+    model.references.len() + model.cells.len()
+}
+
+/// Rows that fit on screen below the header.
+pub fn page(area: Rect) -> usize {
+    usize::from(area.height).saturating_sub(3).max(1)
+}
+
+/// The first row on screen: where the user scrolled to, else so that the current cell has some of its past above it.
+pub fn top(model: &Model, view: &View, page: usize) -> usize {
+    let most = rows(model).saturating_sub(page);
+    let follow = || {
+        let row = model.current.as_ref().map_or(0, |current| match current.cell {
+            CellRef::Reference(i) => i,
+            CellRef::Cell(i) => model.references.len() + i,
+        });
+        row.saturating_sub(page / 2)
+    };
+    view.plan_top.unwrap_or_else(follow).min(most)
+}
+
+/// A number column on the right-hand side.
+struct Numbers {
+    name: String,
+    width: usize,
+    text: Box<dyn Fn(&WaveRow) -> String>,
+}
+
+/// The number columns, most important first: samples, the chart's metric, render time, speed.
+fn numbers(model: &Model, view: &View) -> Vec<Numbers> {
+    let column = |name: &str, width: usize, text: Box<dyn Fn(&WaveRow) -> String>| Numbers {
+        name: name.to_owned(),
+        width: width.max(words::width(name)),
+        text,
+    };
+    let mut numbers = vec![column("spp", 5, Box::new(|row| words::count(row.samples)))];
+    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.measure.metrics[..]);
+    if let Some(metric) = metrics.get(view.metric) {
+        let index = view.metric;
+        let text = move |row: &WaveRow| row.metrics.get(index).map_or_else(String::new, |x| words::number(*x));
+        numbers.push(column(&metric.column, 7, Box::new(text)));
+    }
+    numbers.push(column("time", 6, Box::new(|row| words::duration(row.render_s))));
+    numbers.push(column("Mpaths/s", 8, Box::new(|row| words::number(row.mpaths_per_s()))));
+    numbers
+}
+
+/// Draws the plan.
+pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
+    let look = view.look;
+    let counts = Counts::of(&model.cells);
+    let mut title = vec![Span::styled(" Plan ", look.strong())];
+    if let Some(plan) = &model.plan {
+        let skipped = plan.skipped.len();
+        let left_out = if skipped > 0 { format!(", {skipped} left out") } else { String::new() };
+        let noun = if counts.total() == 1 { "cell" } else { "cells" };
+        title.push(Span::styled(format!("{} {noun}{left_out} ", counts.total()), look.dim()));
+    }
+    let block = pane(look, Line::from(title));
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    if model.plan.is_none() {
+        frame.render_widget(Paragraph::new("waiting for the plan").style(look.dim()), inner);
+        return;
+    }
+    let table = Table::new(model, view, usize::from(inner.width));
+    let page = page(area);
+    let top = top(model, view, page);
+    let mut lines = vec![table.header()];
+    lines.extend((top..rows(model)).take(page).map(|row| table.row(row)));
+    frame.render_widget(Paragraph::new(lines), inner);
+    let hidden = rows(model).saturating_sub(top + page);
+    if hidden > 0 || top > 0 {
+        let place = format!(" {}-{} of {} ", top + 1, rows(model) - hidden, rows(model));
+        let width = words::width(&place) as u16;
+        let at = Rect { x: area.right().saturating_sub(width + 1), y: area.bottom() - 1, width, height: 1 };
+        frame.render_widget(Span::styled(place, look.dim()), at.intersection(area));
+    }
+}
+
+/// The columns that fit into the pane.
+struct Table<'m> {
+    model: &'m Model,
+    view: &'m View,
+    /// Width of each axis column.
+    axes: Vec<usize>,
+    /// Width of what describes a cell, all axis columns together.
+    label: usize,
+    numbers: Vec<Numbers>,
+    /// Width of everything.
+    width: usize,
+}
+
+impl<'m> Table<'m> {
+    /// Chooses columns: the axes come first, number columns as far as there is room, and where even the axes do not
+    /// fit, the widest of them are cut.
+    fn new(model: &'m Model, view: &'m View, width: usize) -> Table<'m> {
+        let mut numbers = numbers(model, view);
+        let mut axes: Vec<usize> = model.columns.iter().map(|column| column.width).collect();
+        let wanted = |axes: &[usize]| 2 + axes.iter().map(|w| w + 2).sum::<usize>().saturating_sub(2);
+        let needed = |numbers: &[Numbers]| numbers.iter().map(|n| n.width + 1).sum::<usize>();
+        // What a reference is called needs some room even where cells are told apart by little.
+        let least = if model.references.is_empty() { 2 } else { 15 };
+        while numbers.len() > 1 && wanted(&axes).max(least) + needed(&numbers) > width {
+            numbers.pop();
+        }
+        if wanted(&axes) + needed(&numbers) > width {
+            numbers.clear();
+        }
+        while wanted(&axes) > width && axes.iter().any(|w| *w > 3) {
+            if let Some(widest) = axes.iter_mut().max_by_key(|w| **w) {
+                *widest -= 1;
+            }
+        }
+        let label = width.saturating_sub(2 + needed(&numbers));
+        Table { model, view, axes, label, numbers, width }
+    }
+
+    fn axis_texts<'a>(&'a self, text: impl Fn(&'a Column) -> &'a str) -> String {
+        let ellipsis = self.view.look.glyphs().ellipsis;
+        let texts = self.model.columns.iter().zip(&self.axes).map(|(column, width)| {
+            let text = words::fit(text(column), *width, ellipsis);
+            let pad = " ".repeat(width.saturating_sub(words::width(&text)));
+            if column.numeric { pad + &text } else { text + &pad }
+        });
+        texts.collect::<Vec<_>>().join("  ")
+    }
+
+    fn padded(&self, text: &str) -> String {
+        let text = words::fit(text, self.label, self.view.look.glyphs().ellipsis);
+        let pad = " ".repeat(self.label.saturating_sub(words::width(&text)));
+        text + &pad
+    }
+
+    fn header(&self) -> Line<'static> {
+        let mut line = format!("  {}", self.padded(&self.axis_texts(|column| &column.name)));
+        for n in &self.numbers {
+            let name = words::fit(&n.name, n.width, self.view.look.glyphs().ellipsis);
+            line.push_str(&format!(" {name:>width$}", width = n.width));
+        }
+        Line::styled(line, self.view.look.dim())
+    }
+
+    /// Row `row` of references and cells together.
+    fn row(&self, row: usize) -> Line<'static> {
+        let references = self.model.references.len();
+        let cell = if row < references { CellRef::Reference(row) } else { CellRef::Cell(row - references) };
+        let Some(entry) = self.model.entry(cell) else { return Line::default() };
+        let label = self.label(cell);
+        let (glyph, style) = self.sign(entry);
+        let text = match entry.state {
+            State::Waiting => self.view.look.dim(),
+            State::Running => self.view.look.strong(),
+            _ => Style::new(),
+        };
+        let mut spans = vec![Span::styled(glyph, style), Span::raw(" ")];
+        if let State::Failed(reason) = &entry.state {
+            let label = format!("{label}  ");
+            let room = self.width.saturating_sub(2 + words::width(&label));
+            spans.push(Span::styled(label, text));
+            spans.push(Span::styled(words::fit(reason, room, self.view.look.glyphs().ellipsis), style));
+            return Line::from(spans);
+        }
+        let mut line = self.padded(&label);
+        for n in &self.numbers {
+            let value = entry.last.as_ref().map_or_else(String::new, &n.text);
+            line.push_str(&format!(" {value:>width$}", width = n.width));
+        }
+        spans.push(Span::styled(line, text));
+        Line::from(spans)
+    }
+
+    /// What a cell is: its values in the axis columns; or the longest name of a reference that fits.
+    fn label(&self, cell: CellRef) -> String {
+        let name = self.model.plan.as_ref().map_or_else(String::new, |plan| words::cell_name(plan, cell));
+        match cell {
+            CellRef::Cell(i) if !self.axes.is_empty() => {
+                self.axis_texts(|column| column.values.get(i).map_or("", String::as_str))
+            }
+            CellRef::Cell(_) => name,
+            CellRef::Reference(i) => {
+                let technique = name.split(' ').next().unwrap_or("");
+                let names =
+                    [format!("reference {name}"), format!("reference {technique}"), format!("reference {}", i + 1)];
+                let fitting = names.iter().find(|name| words::width(name) <= self.label);
+                fitting.cloned().unwrap_or_else(|| format!("ref {}", i + 1))
+            }
+        }
+    }
+
+    fn sign(&self, entry: &Entry) -> (&'static str, Style) {
+        let (look, glyphs) = (self.view.look, self.view.look.glyphs());
+        match entry.state {
+            State::Waiting => (glyphs.waiting, look.dim()),
+            State::Running => (glyphs.running, look.accent()),
+            State::Done(_) => (glyphs.done, look.good()),
+            State::Cached => (glyphs.cached, look.good()),
+            State::Failed(_) => (glyphs.failed, look.bad()),
+            State::Interrupted => (glyphs.interrupted, look.warn()),
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! The line on top, the line of keys at the bottom, and the one line of a tiny terminal.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use crate::tui::eta::Eta;
+use crate::tui::look::Look;
+use crate::tui::model::{Counts, Model};
+use crate::tui::view::{Focus, View};
+use crate::tui::words;
+
+/// The name of the night as its folder has it: the plan's name and the first digits of its hash.
+pub fn night_name(model: &Model) -> String {
+    model.plan.as_ref().map_or_else(
+        || "no plan yet".to_owned(),
+        |plan| {
+            let digits: String = plan.hash.chars().take(4).collect();
+            words::clean(&format!("{}-{digits}", plan.name))
+        },
+    )
+}
+
+/// What the night is doing, in a word or two.
+fn status(model: &Model, view: &View) -> (&'static str, Style) {
+    let look = view.look;
+    match () {
+        () if model.plan.is_none() => ("starting", look.dim()),
+        () if model.finished_s.is_some() => ("finished", look.good()),
+        () if view.stopping => ("stopping", look.warn()),
+        () if view.paused => ("paused", look.warn()),
+        () => ("running", look.good()),
+    }
+}
+
+/// Time that is left: `12.0 s left`, `at most 12.0 s left`.
+pub fn time_left(look: Look, eta: Eta) -> String {
+    let at_most = if eta.at_most { format!("{} ", look.glyphs().at_most) } else { String::new() };
+    format!("{at_most}{} left", words::duration(eta.seconds))
+}
+
+/// The facts of the right-hand side, most important first.
+fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
+    let look = view.look;
+    let mut facts = Vec::new();
+    if model.plan.is_none() {
+        return facts;
+    }
+    let cells = Counts::of(&model.cells);
+    let references = Counts::of(&model.references);
+    facts.push((format!("{}/{} cells", cells.settled(), cells.total()), look.strong()));
+    let failed = cells.failed + references.failed;
+    if failed > 0 {
+        facts.push((format!("{failed} failed"), look.bad()));
+    }
+    if let Some(eta) = model.night_eta(view.clock_s(model)) {
+        facts.push((time_left(look, eta), look.strong()));
+    }
+    facts.push((format!("{} elapsed", words::duration(model.night_s(view.now_s))), look.dim()));
+    if model.invalid() > 0 {
+        facts.push((format!("{} invalid", words::count(model.invalid())), look.bad()));
+    }
+    if references.total() > 0 {
+        let noun = if references.total() == 1 { "reference" } else { "references" };
+        facts.push((format!("{}/{} {noun}", references.settled(), references.total()), look.dim()));
+    }
+    facts
+}
+
+/// Draws the line on top: who, what, how far.
+pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
+    let look = view.look;
+    let (word, style) = status(model, view);
+    let facts = facts(model, view);
+    let mut left = Line::from(Span::styled(" Lumbre", look.accent()));
+    let first = facts.first().map_or(0, |(text, _)| words::width(text) + 2);
+    let name = night_name(model);
+    if left.width() + words::width(&name) + word.len() + first + 6 <= usize::from(area.width) {
+        left.extend([Span::raw("  "), Span::styled(name, look.strong())]);
+    }
+    left.extend([Span::raw("  "), Span::styled(word, style)]);
+    let mut room = usize::from(area.width).saturating_sub(left.width() + 2);
+    let mut right: Vec<Span> = Vec::new();
+    for (text, style) in facts {
+        let needed = words::width(&text) + 2;
+        if needed > room {
+            break;
+        }
+        room -= needed;
+        right.push(Span::raw("  "));
+        right.push(Span::styled(text, style));
+    }
+    right.push(Span::raw(" "));
+    frame.render_widget(left, area);
+    frame.render_widget(Line::from(right).right_aligned(), area);
+}
+
+/// Draws the line of keys; while the night is stopping, what that means.
+pub fn hints(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
+    let look = view.look;
+    let mut spans = vec![Span::raw(" ")];
+    if view.stopping && model.finished_s.is_none() {
+        spans.push(Span::styled("Ends after this wave. ", look.warn()));
+        spans.push(Span::styled("q", look.accent()));
+        spans.push(Span::styled(" again leaves now.", look.warn()));
+        frame.render_widget(Line::from(spans), area);
+        return;
+    }
+    let scroll = if view.focus == Focus::Log { "log" } else { "plan" };
+    let keys = [
+        ("q", "stop"),
+        ("p", if view.paused { "go on" } else { "pause" }),
+        ("s", "skip cell"),
+        ("Tab", "larger pane"),
+        ("j/k", scroll),
+        ("1-9", "metric"),
+        ("e/E", "exposure"),
+    ];
+    // The way to the help is never left out.
+    let help = [("?", "help")];
+    let mut room = usize::from(area.width).saturating_sub(8);
+    let fitting = keys.iter().take_while(|(key, text)| {
+        let needed = key.len() + text.len() + 3;
+        let fits = needed <= room;
+        room = room.saturating_sub(needed);
+        fits
+    });
+    for (key, text) in fitting.chain(&help) {
+        spans.push(Span::styled(*key, look.accent()));
+        spans.push(Span::styled(format!(" {text}  "), look.dim()));
+    }
+    frame.render_widget(Line::from(spans), area);
+}
+
+/// Draws the one line of a terminal that is too small for panes.
+pub fn one_line(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
+    let look = view.look;
+    let (word, style) = status(model, view);
+    let mut spans = vec![Span::styled("Lumbre ", look.accent()), Span::styled(word, style)];
+    let mut room = usize::from(area.width).saturating_sub(7 + word.len());
+    for (text, style) in facts(model, view) {
+        let needed = words::width(&text) + 1;
+        if needed > room {
+            break;
+        }
+        room -= needed;
+        spans.push(Span::raw(" "));
+        spans.push(Span::styled(text, style));
+    }
+    frame.render_widget(Line::from(spans), area);
+}

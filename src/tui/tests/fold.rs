@@ -1,0 +1,131 @@
+//! Laws of the model: whatever happens, counts add up, memory stays flat, and nothing panics.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use proptest::prelude::*;
+
+use super::night::{self, Teller, in_the_middle};
+use super::screens::{RICH, screen};
+use crate::experiment::event::Level;
+use crate::experiment::{CellRef, Event, Outcome};
+use crate::render::OpenStats;
+use crate::tui::curve::CAPACITY;
+use crate::tui::model::{Counts, MESSAGES, Model, State};
+use crate::tui::view::View;
+
+/// A plan of four cells and one reference, and references to one cell more than it has.
+fn any_cell() -> impl Strategy<Value = CellRef> {
+    prop_oneof![(0usize..6).prop_map(CellRef::Cell), (0usize..2).prop_map(CellRef::Reference)]
+}
+
+fn any_event() -> impl Strategy<Value = Event> {
+    let outcome = prop_oneof![
+        Just(Outcome::Done("64 spp".to_owned())),
+        Just(Outcome::Cached(PathBuf::from("out"))),
+        Just(Outcome::Failed("why\nnot".to_owned())),
+        Just(Outcome::Interrupted),
+    ];
+    let number = prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(0.0), Just(-1.0), 1e-9f64..1e3];
+    let rows = (0u32..40, proptest::collection::vec(number, 0..5));
+    prop_oneof![
+        1 => Just(()).prop_map(|()| Event::NightStarted { plan: night::plan() }),
+        4 => any_cell().prop_map(|cell| Event::CellStarted { cell, open: OpenStats::default(), reference: None }),
+        8 => (any_cell(), rows).prop_map(|(cell, (k, metrics))| {
+            let mut row = night::row(k);
+            row.metrics = metrics;
+            Event::Wave { cell, row, measure_s: 0.0, image: night::picture(1), pow2: k % 2 == 0 }
+        }),
+        4 => (any_cell(), outcome, proptest::option::of(0u32..10)).prop_map(|(cell, outcome, last)| {
+            let rows = last.map_or_else(Vec::new, |k| vec![night::row(k)]);
+            Event::CellFinished { cell, outcome, film: None, rows: Arc::new(rows) }
+        }),
+        2 => (any_cell(), ".{0,30}").prop_map(|(cell, text)| {
+            Event::Message { level: Level::Warn, cell: Some(cell), text }
+        }),
+        1 => Just(Event::NightFinished),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_order_of_events_can_be_told_and_drawn(
+        events in proptest::collection::vec(any_event(), 0..24),
+        size in (1u16..210, 1u16..70),
+    ) {
+        let mut model = Model::default();
+        for (i, event) in events.iter().enumerate() {
+            model.hear(event, i as f64);
+        }
+        prop_assert_eq!(model.revision, events.len() as u64);
+        if let Some(plan) = &model.plan {
+            prop_assert_eq!(Counts::of(&model.cells).total(), plan.cells.len());
+            prop_assert_eq!(Counts::of(&model.references).total(), plan.references.len());
+        }
+        for eta in [model.cell_eta(99.0), model.night_eta(99.0)].into_iter().flatten() {
+            prop_assert!(eta.seconds >= 0.0, "{eta:?}");
+        }
+        let drawn = screen(size, &model, &View { now_s: 99.0, ..View::new(RICH) });
+        prop_assert_eq!(drawn.lines().count(), usize::from(size.1));
+    }
+}
+
+#[test]
+fn a_night_in_the_middle_is_known_in_full() {
+    let (model, now_s) = in_the_middle().model();
+    let counts = Counts::of(&model.cells);
+    assert_eq!(counts, Counts { waiting: 1, running: 1, done: 1, cached: 1, ..Counts::default() });
+    assert_eq!(Counts::of(&model.references), Counts { done: 1, ..Counts::default() });
+    assert_eq!(model.entry(CellRef::Cell(0)).unwrap().state, State::Done("rmse < 0.01".to_owned()));
+    let current = model.current.as_ref().unwrap();
+    assert_eq!((current.cell, current.running, current.curve.rows().len()), (CellRef::Cell(2), true, 8));
+    assert_eq!(current.image.as_ref().unwrap(), &night::picture(128));
+    // 128 of 1024 samples took 8 s of render time and 8.5 s of wall time.
+    let eta = model.cell_eta(now_s).unwrap();
+    assert!((eta.seconds - 56.0 * 8.5 / 8.0).abs() < 1e-9 && eta.at_most, "{eta:?}");
+    // The one cell that waits is expected to take what the one that was done took.
+    let mean = night::row(9).wall_s;
+    let night_eta = model.night_eta(now_s).unwrap();
+    assert!((night_eta.seconds - eta.seconds - mean).abs() < 1e-9, "{night_eta:?}");
+    assert!((model.cell_wall_s(now_s + 2.0) - 10.5).abs() < 1e-9);
+}
+
+#[test]
+fn before_any_cell_is_done_limits_of_time_give_the_estimate() {
+    let mut plan = night::plan_over(&[3], &[0.5, 1.0]);
+    for cell in &mut plan.cells {
+        cell.stop = crate::experiment::StopRule::Time(30.0);
+    }
+    let (model, now_s) = Teller::new(Arc::new(plan)).model();
+    let eta = model.night_eta(now_s).unwrap();
+    assert_eq!((eta.seconds, eta.at_most), (20.0 + 2.0 * 30.0, false));
+    let (model, now_s) = Teller::new(night::plan()).model();
+    assert_eq!(model.night_eta(now_s), None, "a limit of samples tells no time before the first wave");
+}
+
+#[test]
+fn memory_stays_flat() {
+    let (mut model, _) = in_the_middle().model();
+    let image = night::picture(1);
+    for i in 0..20_000u64 {
+        let mut row = night::row(3);
+        row.samples = i + 1000;
+        let cell = CellRef::Cell(2);
+        model.hear(&Event::Wave { cell, row, measure_s: 0.0, image: image.clone(), pow2: false }, i as f64);
+        model.hear(&Event::Message { level: Level::Info, cell: None, text: format!("message {i}") }, i as f64);
+    }
+    assert_eq!(model.messages.len(), MESSAGES);
+    assert_eq!(model.messages.back().unwrap().text, "message 19999");
+    assert!(model.current.as_ref().unwrap().curve.rows().len() <= CAPACITY);
+}
+
+#[test]
+fn a_second_night_starts_afresh_but_keeps_the_log() {
+    let (mut model, _) = in_the_middle().model();
+    let messages = model.messages.len();
+    model.hear(&Event::NightStarted { plan: night::plan() }, 100.0);
+    assert_eq!(Counts::of(&model.cells).waiting, 4);
+    assert!(model.current.is_none() && model.messages.len() == messages);
+}

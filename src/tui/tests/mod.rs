@@ -1,0 +1,8 @@
+//! Whole screens, whole nights, keys and lines, on a made-up experiment.
+
+mod fold;
+mod keys;
+mod lines;
+mod night;
+mod picture;
+mod screens;

@@ -1,0 +1,244 @@
+//! A made-up night: four cells over two axes, one reference, a picture that converges as Monte Carlo does.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::experiment::event::Level;
+use crate::experiment::plan::{Reference, ReferenceSource, Skipped};
+use crate::experiment::spec::{Measure, Snapshots};
+use crate::experiment::stop::Comparison;
+use crate::experiment::{Cell, CellConfig, CellRef, Event, Outcome, Plan, RunId, StopRule, WaveRow};
+use crate::film::{Image, SharedImage};
+use crate::metrics::MetricSpec;
+use crate::metrics::tonemap::Tonemap;
+use crate::render::OpenStats;
+use crate::scene::SceneDesc;
+use crate::scene::desc::CameraDesc;
+use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::tui::model::Model;
+use crate::value::Value;
+
+fn scene() -> SceneDesc {
+    SceneDesc {
+        resolution: [512, 512],
+        max_depth: 5,
+        camera: CameraDesc {
+            position: Vec3::Z,
+            target: Vec3::ZERO,
+            up: Vec3::Y,
+            fov_deg: 40.0,
+            aperture: 0.0,
+            focus_distance: None,
+        },
+        materials: Vec::new(),
+        entities: Vec::new(),
+    }
+}
+
+fn config(depth: u32, radius: f32) -> CellConfig {
+    CellConfig {
+        scene: "scenes/cornell.scn".to_owned(),
+        scene_file: PathBuf::from("scenes/cornell.scn"),
+        integrator: "bpt".to_owned(),
+        params: BTreeMap::new(),
+        max_depth: Some(depth),
+        resolution: Some([512, 512]),
+        rr_start: Some(3),
+        filter: FilterSpec { kind: FilterKind::Gauss, radius },
+        set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
+        backend: "cpu".to_owned(),
+    }
+}
+
+/// A plan over `depths` x `radii`, measured by RMSE and SSIM.
+pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
+    let stop = StopRule::Any(vec![
+        StopRule::Samples(1024),
+        StopRule::When { column: "rmse".to_owned(), op: Comparison::Less, value: 0.01, hold: 1 },
+        StopRule::Nan(1000),
+    ]);
+    let scene = Arc::new(scene());
+    let mut cells = Vec::new();
+    for depth in depths {
+        for radius in radii {
+            cells.push(Cell {
+                id: RunId(format!("{:032x}", cells.len())),
+                point: vec![
+                    ("depth".to_owned(), Value::Int(i64::from(*depth))),
+                    ("aa".to_owned(), Value::number(f64::from(*radius))),
+                ],
+                repeat: 0,
+                seed: 1,
+                config: Arc::new(config(*depth, *radius)),
+                scene: scene.clone(),
+                stop: stop.clone(),
+                reference: Some(0),
+                path: format!("depth={depth}/aa={radius}"),
+                identity: Value::Nil,
+            });
+        }
+    }
+    let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+    let display = Value::Map(BTreeMap::from([("kind".to_owned(), "srgb".into())]));
+    let ssim = BTreeMap::from([("on".to_owned(), display), ("range".to_owned(), Value::Int(1))]);
+    Plan {
+        name: "first_light".to_owned(),
+        hash: "3f9a2b1c00".to_owned(),
+        seed: 1,
+        axes: vec!["depth".to_owned(), "aa".to_owned()],
+        cells,
+        references: vec![Reference {
+            id: RunId("ff".to_owned()),
+            source: ReferenceSource::Render {
+                config: Arc::new(config(9, 0.5)),
+                scene,
+                seed: 2,
+                stop: StopRule::Time(20.0),
+            },
+            identity: Value::Nil,
+        }],
+        skipped: vec![Skipped { point: Vec::new(), reason: "black".to_owned() }],
+        notes: Vec::new(),
+        warnings: Vec::new(),
+        measure: Measure {
+            every_s: 0.5,
+            metrics: vec![metric("rmse"), MetricSpec::new("ssim", "ssim", ssim).unwrap(), metric("psnr")],
+            snapshots: Snapshots::Pow2,
+            display: Tonemap::Srgb { exposure: 0.0 },
+        },
+        figures: Vec::new(),
+        tables: Vec::new(),
+        script_text: String::new(),
+    }
+}
+
+/// The usual plan: two depths, two radii.
+pub fn plan() -> Arc<Plan> {
+    Arc::new(plan_over(&[3, 5], &[0.5, 1.0]))
+}
+
+/// A box with a red and a green wall, a lamp and a ball, after `samples` samples for each pixel.
+pub fn picture(samples: u64) -> SharedImage {
+    let n = 64;
+    let noise = 0.6 / (samples as f32).sqrt();
+    let mut state = 0x9e37_79b9u32;
+    Arc::new(Image::from_fn(n, n, |x, y| {
+        let (u, v) = (x as f32 / n as f32, y as f32 / n as f32);
+        let ball = (u - 0.6).powi(2) + (v - 0.7).powi(2) < 0.03;
+        let base = match () {
+            () if (0.35..0.65).contains(&u) && v < 0.08 => [4.0, 3.2, 2.2],
+            () if ball => [0.7, 0.65, 0.2],
+            () if u < 0.18 => [0.5, 0.06, 0.04],
+            () if u > 0.82 => [0.08, 0.4, 0.07],
+            () if v > 0.82 => [0.4, 0.36, 0.3],
+            () => [0.25, 0.23, 0.2],
+        };
+        base.map(|b: f32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (b + noise * ((state >> 8) as f32 / (1 << 24) as f32 - 0.5)).max(0.0)
+        })
+    }))
+}
+
+/// The row of a run after `2^k` samples.
+pub fn row(k: u32) -> WaveRow {
+    let samples = 1u64 << k;
+    let render_s = samples as f64 * 0.0625;
+    let paths = samples * 512 * 512;
+    let rmse = 0.31 / (samples as f64).sqrt() * (1.0 + 0.05 * f64::from(k % 3));
+    WaveRow {
+        wave: u64::from(k) + 1,
+        samples,
+        render_s,
+        wall_s: render_s * 1.05 + 0.1,
+        paths,
+        rays: paths * 5,
+        invalid: 0,
+        first_invalid: None,
+        metrics: vec![rmse, 1.0 - rmse, -20.0 * rmse.log10()],
+    }
+}
+
+/// A night that is told event by event, on a clock that follows the rows.
+pub struct Teller {
+    /// What was told, with its time in seconds.
+    pub events: Vec<(Event, f64)>,
+    clock_s: f64,
+}
+
+impl Teller {
+    /// The night of `plan` begins.
+    pub fn new(plan: Arc<Plan>) -> Teller {
+        Teller { events: vec![(Event::NightStarted { plan }, 0.2)], clock_s: 0.2 }
+    }
+
+    /// Something is said.
+    pub fn say(&mut self, level: Level, cell: Option<CellRef>, text: &str) -> &mut Teller {
+        self.events.push((Event::Message { level, cell, text: text.to_owned() }, self.clock_s));
+        self
+    }
+
+    /// A cell opens and renders `2^0` to `2^last` samples.
+    pub fn render(&mut self, cell: CellRef, last: u32) -> &mut Teller {
+        let open =
+            OpenStats { accel_build_s: 0.0021, accel_nodes: 1234, device: "cpu, 2 threads, obvhs PLOC BVH".to_owned() };
+        let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));
+        let start = self.clock_s;
+        self.events.push((Event::CellStarted { cell, open, reference: reference.clone() }, start));
+        for k in 0..=last {
+            let mut row = row(k);
+            if reference.is_none() {
+                row.metrics.clear();
+            }
+            self.clock_s = start + row.wall_s;
+            let image = picture(row.samples);
+            let wave = Event::Wave { cell, row, measure_s: 0.001, image, pow2: true };
+            self.events.push((wave, self.clock_s));
+        }
+        self
+    }
+
+    /// A cell ends after `2^last` samples, if it rendered any.
+    pub fn finish(&mut self, cell: CellRef, last: Option<u32>, outcome: Outcome) -> &mut Teller {
+        let mut rows: Vec<WaveRow> = last.map_or_else(Vec::new, |last| (0..=last).map(row).collect());
+        if matches!(cell, CellRef::Reference(_)) {
+            rows.iter_mut().for_each(|row| row.metrics.clear());
+        }
+        let event = Event::CellFinished { cell, outcome, film: None, rows: Arc::new(rows) };
+        self.events.push((event, self.clock_s));
+        self
+    }
+
+    /// The night ends.
+    pub fn end(&mut self) -> &mut Teller {
+        self.events.push((Event::NightFinished, self.clock_s));
+        self
+    }
+
+    /// The model and the time after all that.
+    pub fn model(&self) -> (Model, f64) {
+        let mut model = Model::default();
+        for (event, at_s) in &self.events {
+            model.hear(event, *at_s);
+        }
+        (model, self.clock_s)
+    }
+}
+
+/// The reference and the first cell are done, the second was there, the third is in the middle.
+pub fn in_the_middle() -> Teller {
+    let mut night = Teller::new(plan());
+    night
+        .say(Level::Warn, None, "cornell.scn: materials[2].displacementtexture: not supported, the surface stays flat")
+        .render(CellRef::Reference(0), 8)
+        .finish(CellRef::Reference(0), Some(8), Outcome::Done("20 s of render time".to_owned()))
+        .render(CellRef::Cell(0), 9)
+        .finish(CellRef::Cell(0), Some(9), Outcome::Done("rmse < 0.01".to_owned()))
+        .finish(CellRef::Cell(1), Some(10), Outcome::Cached(PathBuf::from("out/first_light-3f9a/runs/b")))
+        .say(Level::Info, Some(CellRef::Cell(2)), "opened in 0.02 s")
+        .render(CellRef::Cell(2), 7);
+    night
+}

@@ -1,0 +1,149 @@
+//! Snapshots of whole screens.
+
+use insta::assert_snapshot;
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use std::sync::Arc;
+
+use super::night::{self, Teller, in_the_middle};
+use crate::experiment::event::Level;
+use crate::experiment::{CellRef, Outcome};
+use crate::tui::look::{Colors, Look};
+use crate::tui::model::Model;
+use crate::tui::panes;
+use crate::tui::view::{ChartX, Focus, View};
+
+pub const RICH: Look = Look { colors: Colors::True, ascii: false };
+const PLAIN: Look = Look { colors: Colors::None, ascii: true };
+const SIZES: [(u16, u16); 3] = [(80, 24), (120, 40), (200, 60)];
+
+/// The screen as text.
+pub fn screen(size: (u16, u16), model: &Model, view: &View) -> String {
+    let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
+    terminal.draw(|frame| panes::draw(frame, model, view)).unwrap();
+    terminal.backend().to_string()
+}
+
+fn view(look: Look, now_s: f64) -> View {
+    View { now_s, ..View::new(look) }
+}
+
+#[test]
+fn nothing_yet() {
+    for size in SIZES {
+        assert_snapshot!(format!("nothing-{}", size.0), screen(size, &Model::default(), &view(RICH, 0.1)));
+    }
+}
+
+#[test]
+fn a_night_in_the_middle() {
+    let (model, now_s) = in_the_middle().model();
+    for size in SIZES {
+        assert_snapshot!(format!("middle-{}", size.0), screen(size, &model, &view(RICH, now_s + 0.4)));
+    }
+}
+
+#[test]
+fn a_night_in_ascii_without_colours() {
+    let (model, now_s) = in_the_middle().model();
+    for size in SIZES {
+        assert_snapshot!(format!("ascii-{}", size.0), screen(size, &model, &view(PLAIN, now_s + 0.4)));
+    }
+}
+
+#[test]
+fn a_reference_renders() {
+    let mut night = Teller::new(night::plan());
+    let (model, now_s) = night.render(CellRef::Reference(0), 6).model();
+    assert_snapshot!("reference-80", screen((80, 24), &model, &view(RICH, now_s)));
+}
+
+#[test]
+fn paused_and_stopping() {
+    let (model, now_s) = in_the_middle().model();
+    let paused = View { paused: true, ..view(RICH, now_s + 61.0) };
+    assert_snapshot!("paused-80", screen((80, 24), &model, &paused));
+    let stopping = View { stopping: true, ..view(RICH, now_s) };
+    assert_snapshot!("stopping-80", screen((80, 24), &model, &stopping));
+}
+
+fn finished() -> Teller {
+    let mut night = in_the_middle();
+    let done = || Outcome::Done("1024 spp".to_owned());
+    night.finish(CellRef::Cell(2), Some(10), done()).render(CellRef::Cell(3), 10);
+    night.finish(CellRef::Cell(3), Some(10), done()).say(Level::Info, None, "report written").end();
+    night
+}
+
+#[test]
+fn a_finished_night() {
+    let (model, now_s) = finished().model();
+    for size in SIZES {
+        assert_snapshot!(format!("finished-{}", size.0), screen(size, &model, &view(RICH, now_s + 9.0)));
+    }
+}
+
+#[test]
+fn a_failed_cell() {
+    let mut night = in_the_middle();
+    let reason = "backend `cpu` failed: the scene needs 40 GB of memory";
+    let failed = Outcome::Failed(reason.to_owned());
+    night.finish(CellRef::Cell(2), Some(7), failed).say(Level::Error, Some(CellRef::Cell(2)), reason);
+    let (model, now_s) = night.model();
+    for size in SIZES {
+        assert_snapshot!(format!("failed-{}", size.0), screen(size, &model, &view(RICH, now_s)));
+    }
+}
+
+#[test]
+fn invalid_samples_are_shown_with_their_place() {
+    let mut night = in_the_middle();
+    let mut model = night.say(Level::Warn, None, "a sample was not a number").model().0;
+    let mut row = night::row(8);
+    (row.invalid, row.first_invalid) = (3, Some([17, 40, 129]));
+    let image = night::picture(256);
+    let wave = crate::experiment::Event::Wave { cell: CellRef::Cell(2), row, measure_s: 0.0, image, pow2: true };
+    model.hear(&wave, 70.0);
+    assert_snapshot!("invalid-120", screen((120, 40), &model, &view(RICH, 70.0)));
+}
+
+#[test]
+fn help_lies_over_everything() {
+    let (model, now_s) = in_the_middle().model();
+    let help = |look| View { help: true, ..view(look, now_s) };
+    assert_snapshot!("help-80", screen((80, 24), &model, &help(RICH)));
+    assert_snapshot!("help-ascii-40", screen((40, 12), &model, &help(PLAIN)));
+}
+
+#[test]
+fn one_pane_is_large() {
+    let (model, now_s) = in_the_middle().model();
+    for (name, focus) in [("picture", Focus::Picture), ("chart", Focus::Chart), ("log", Focus::Log)] {
+        let view = View { focus, metric: 1, chart_x: ChartX::Samples, exposure: 1.5, ..view(RICH, now_s) };
+        assert_snapshot!(format!("large-{name}-80"), screen((80, 24), &model, &view));
+    }
+    let view = View { focus: Focus::Chart, ..view(RICH, now_s) };
+    assert_snapshot!("large-chart-200", screen((200, 60), &model, &view));
+}
+
+#[test]
+fn small_terminals_show_what_they_can() {
+    let (model, now_s) = in_the_middle().model();
+    for size in [(79, 20), (60, 20), (40, 12), (39, 12), (80, 11), (20, 3), (1, 1)] {
+        let name = format!("small-{}x{}", size.0, size.1);
+        assert_snapshot!(name, screen(size, &model, &view(RICH, now_s)));
+    }
+}
+
+#[test]
+fn a_long_plan_scrolls_and_follows() {
+    let plan = night::plan_over(&(1..=40).collect::<Vec<_>>(), &[0.5, 1.0, 1.5]);
+    let mut night = Teller::new(Arc::new(plan));
+    for i in 0..60 {
+        night.finish(CellRef::Cell(i), Some(10), Outcome::Done("1024 spp".to_owned()));
+    }
+    let (model, now_s) = night.render(CellRef::Cell(60), 3).model();
+    assert_snapshot!("long-follow-80", screen((80, 24), &model, &view(RICH, now_s)));
+    let top = View { plan_top: Some(0), ..view(RICH, now_s) };
+    assert_snapshot!("long-top-80", screen((80, 24), &model, &top));
+}

@@ -1,0 +1,14 @@
+//! The program end to end, on the mock backend: what is printed, what is written, and how it exits.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "cli/errors.rs"]
+mod errors;
+#[path = "cli/nights.rs"]
+mod nights;
+#[path = "cli/reading.rs"]
+mod reading;
+#[cfg(unix)]
+#[path = "cli/signals.rs"]
+mod signals;
+#[path = "cli/workplace.rs"]
+mod workplace;

@@ -1,0 +1,190 @@
+//! Whole nights: what they leave, and what a second one does.
+
+use super::workplace::Workplace;
+
+#[test]
+fn a_night_leaves_pictures_curves_tables_and_numbers() {
+    let place = Workplace::new();
+    let night = place.succeed(&["run", "night.lua"]);
+    assert!(night.stdout.contains("| depth"), "{}", night.stdout);
+    assert!(night.stderr.contains("backend mock: a fake clock"), "{}", night.stderr);
+    assert!(night.stderr.contains("4 done") || night.stderr.contains("6 done"), "{}", night.stderr);
+    for said in ["out/night-", "/figures", "/tables", "/runs"] {
+        assert!(night.stderr.contains(said), "{}", night.stderr);
+    }
+    let files = place.files("out");
+    let count = |end: &str| files.iter().filter(|f| f.ends_with(end)).count();
+    assert_eq!(count("/final.exr"), 4);
+    assert_eq!(count("/final.png"), 4);
+    assert_eq!(count("/done.json"), 4);
+    assert_eq!(count("/metrics.csv"), 4 + 2);
+    assert_eq!(count("/ref.exr"), 2);
+    assert_eq!(count("/ref.json"), 2);
+    assert_eq!(count("/snap-16.exr"), 4);
+    assert_eq!(count("/summary.csv"), 1);
+    assert_eq!(count(".svg"), 2);
+    assert_eq!(files.iter().filter(|f| f.contains("/figures/") && f.ends_with(".png")).count(), 2);
+    assert_eq!(count("/tables/errors.md"), 1);
+    assert_eq!(count("/tables/errors.csv"), 1);
+    assert_eq!(count(".tmp"), 0);
+    for name in ["experiment.lua", "plan.json", "env.json", "journal.jsonl"] {
+        assert!(place.path("out/latest").join(name).is_file(), "{name}");
+    }
+    assert_eq!(place.read("out/latest/experiment.lua"), place.read("night.lua"));
+}
+
+#[test]
+fn a_run_folder_describes_itself() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "depth=4", "-q"]);
+    let (done, _) = place.finished().remove(0);
+    let folder = done.trim_end_matches("/done.json");
+    let id = folder.rsplit('/').next().unwrap();
+    assert_eq!(id.len(), 32);
+    assert!(folder.contains("depth=4"), "{folder}");
+
+    let config = place.json(&format!("{folder}/config.json"));
+    assert_eq!(config["run"], id);
+    assert_eq!(config["point"]["depth"], 4);
+    assert_eq!(config["render"]["backend"], "mock");
+
+    let done = place.json(&done);
+    assert_eq!(done["run"], id);
+    assert_eq!(done["samples"], 16);
+    assert_eq!(done["invalid"], 0);
+    assert_eq!(done["device"], "mock, on a fake clock");
+    assert_eq!(done["seed"], config["seed"]);
+    assert!(done["program"].as_str().unwrap().starts_with("lumbre "));
+    assert!(done["reason"].as_str().unwrap().contains("16 samples"), "{}", done["reason"]);
+    assert_eq!(done["scene_hash"].as_str().unwrap().len(), 64);
+
+    let csv = place.read(&format!("{folder}/metrics.csv"));
+    let (header, rows) = csv.split_once('\n').unwrap();
+    assert!(header.starts_with("wave,samples,render_s,wall_s,paths,rays,invalid,"), "{header}");
+    let last: Vec<&str> = rows.lines().last().unwrap().split(',').collect();
+    assert_eq!(last[1], "16");
+    let column = header.split(',').position(|c| c == "rmse").unwrap();
+    let rmse: f64 = last[column].parse().unwrap();
+    assert_eq!(done["metrics"]["rmse"].as_f64().unwrap(), rmse);
+    assert!(rmse > 0.0 && rmse < 0.1, "{rmse}");
+
+    let log = place.read(&format!("{folder}/log.txt"));
+    assert!(log.contains("started on mock") && log.contains("done: "), "{log}");
+
+    let bytes = std::fs::read(place.path(&format!("{folder}/final.exr"))).unwrap();
+    let (image, metadata) = lumbre::output::exr::decode(&bytes).unwrap();
+    assert_eq!((image.width, image.height), (24, 16));
+    let said = |name: &str| metadata.iter().find(|(n, _)| n.ends_with(name)).map(|(_, v)| v.clone()).unwrap();
+    assert_eq!(said("run"), id);
+    assert_eq!(said("samples"), "16");
+    assert_eq!(said("scene_hash"), done["scene_hash"].as_str().unwrap());
+}
+
+#[test]
+fn a_second_night_renders_nothing_and_says_so() {
+    let place = Workplace::new();
+    let first = place.succeed(&["run", "night.lua"]);
+    let before = place.finished();
+    let figure = place.files("out").into_iter().find(|f| f.ends_with(".svg")).unwrap();
+    std::fs::remove_file(place.path(&figure)).unwrap();
+    let second = place.succeed(&["run", "night.lua"]);
+    assert!(
+        second.stderr.contains("nothing to do: all 4 cells and 2 references were done in out/night-"),
+        "{}",
+        second.stderr
+    );
+    assert_eq!(place.finished(), before);
+    assert_eq!(second.stdout, first.stdout);
+    assert!(place.path(&figure).is_file(), "figures are made again from what is there");
+}
+
+#[test]
+fn overrides_and_selections_reuse_what_they_share() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "--only", "depth=4"]);
+    assert_eq!(place.finished().len(), 2);
+    place.succeed(&["run", "night.lua", "depth=4,6"]);
+    let finished = place.finished();
+    assert_eq!(finished.len(), 4, "depth 4 was there already: {finished:?}");
+    let listed: serde_json::Value = serde_json::from_str(&place.succeed(&["ls", "--json"]).stdout).unwrap();
+    let states: Vec<&str> = listed
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|e| e["runs"].as_array().unwrap())
+        .map(|r| r["state"].as_str().unwrap())
+        .collect();
+    assert_eq!(states.iter().filter(|s| **s == "done").count(), 4);
+    assert_eq!(states.iter().filter(|s| **s == "elsewhere").count(), 2);
+}
+
+#[test]
+fn a_damaged_run_is_rendered_again_and_no_other() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "-q"]);
+    let before = place.finished();
+    let damaged = before[0].0.replace("done.json", "final.exr");
+    std::fs::remove_file(place.path(&damaged)).unwrap();
+    place.succeed(&["run", "night.lua", "-q"]);
+    assert!(place.path(&damaged).is_file());
+    let after = place.finished();
+    assert_eq!(after[1..], before[1..]);
+    assert_ne!(after[0].1, before[0].1);
+}
+
+#[test]
+fn a_cell_that_fails_is_recorded_and_the_night_goes_on() {
+    let place = Workplace::new();
+    let script = place.read("night.lua").replace(
+        "return stop.samples(16)",
+        "return stop.any { stop.samples(16), stop.predicate(function(row) if p.depth == 2 then error('lens fell off') end end) }",
+    );
+    place.write("night.lua", &script);
+    let night = place.run(&["run", "night.lua"]);
+    assert_eq!(night.status, 3, "{}", night.stderr);
+    assert!(night.stderr.contains("lens fell off"), "{}", night.stderr);
+    assert_eq!(place.finished().len(), 2, "the cells of the other depth are done");
+    let listed = place.succeed(&["ls"]).stdout;
+    assert!(listed.contains("2 done, 2 failed") && listed.contains("lens fell off"), "{listed}");
+    // What is there is shown nonetheless, and the next night tries again.
+    assert!(place.path("out/latest/tables/errors.md").is_file());
+    assert_eq!(place.run(&["run", "night.lua", "-q"]).status, 3);
+}
+
+#[test]
+fn quiet_nights_print_tables_alone() {
+    let place = Workplace::new();
+    let night = place.succeed(&["run", "night.lua", "--quiet"]);
+    assert!(night.stdout.contains("| depth"), "{}", night.stdout);
+    assert!(!night.stderr.contains("backend"), "{}", night.stderr);
+}
+
+#[test]
+fn a_backend_of_the_command_line_wins() {
+    let place = Workplace::new();
+    let script = place.read("night.lua").replace("backend = \"mock\"", "backend = \"cpu\"");
+    place.write("night.lua", &script);
+    let plan: serde_json::Value =
+        serde_json::from_str(&place.succeed(&["plan", "night.lua", "--backend", "mock", "--json"]).stdout).unwrap();
+    assert_eq!(plan["cells"][0]["backend"], "mock");
+    assert!(place.fail(2, &["plan", "night.lua", "--backend", "mok"]).contains("did you mean `mock`"));
+}
+
+/// A limit on the size of files stands in for a full disk: pictures do not fit, everything small does.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
+    let place = Workplace::new();
+    let script = place.read("night.lua").replace("resolution = { 24, 16 }", "resolution = { 160, 120 }");
+    place.write("night.lua", &script);
+    let limited = format!("trap '' XFSZ; ulimit -f 60; exec '{}' run night.lua", env!("CARGO_BIN_EXE_lumbre"));
+    let output = std::process::Command::new("sh").args(["-c", &limited]).current_dir(place.path(".")).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("cannot write") && said.contains("ref.exr"), "{said}");
+    let files = place.files("out");
+    let half = |f: &&String| f.ends_with(".tmp") || f.ends_with(".exr") || f.ends_with("done.json");
+    assert_eq!(files.iter().find(half), None);
+    place.succeed(&["run", "night.lua", "-q"]);
+    assert_eq!(place.finished().len(), 4);
+}

@@ -1,0 +1,152 @@
+//! Verbs that only read.
+
+use serde_json::Value as Json;
+
+use super::workplace::Workplace;
+
+fn json(text: &str) -> Json {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+#[test]
+fn a_plan_tells_new_from_cached_and_writes_nothing() {
+    let place = Workplace::new();
+    let page = place.succeed(&["plan", "night.lua"]).stdout;
+    assert!(page.contains("4 cells (0 cached), 2 references (0 cached)"), "{page}");
+    assert!(page.contains("estimate: at most"), "{page}");
+    assert!(!place.path("out").exists());
+    assert_eq!(place.succeed(&["run", "night.lua", "--dry-run"]).stdout, page);
+    assert!(!place.path("out").exists());
+
+    place.succeed(&["run", "night.lua", "-q", "--only", "depth=2"]);
+    let plan = json(&place.succeed(&["plan", "night.lua", "--json"]).stdout);
+    let states: Vec<&str> = plan["cells"].as_array().unwrap().iter().map(|c| c["state"].as_str().unwrap()).collect();
+    assert_eq!(states, ["cached", "cached", "new", "new"]);
+    assert!(plan["cells"][0]["cached_in"].as_str().unwrap().starts_with("out/night-"));
+    assert_eq!(plan["cells"][2]["point"]["depth"], 4);
+    assert_eq!(plan["estimate"]["runs_by_samples"], 3, "two cells and a reference");
+    assert_eq!(plan["metrics"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn skipped_points_are_listed_with_their_reason() {
+    let place = Workplace::new();
+    let script = place
+        .read("night.lua")
+        .replace("x:render", "x:skip(\"too shallow\", function(p) return p.depth < 4 end)\nx:render");
+    place.write("night.lua", &script);
+    let page = place.succeed(&["plan", "night.lua"]).stdout;
+    assert!(page.contains("skipped depth=2: too shallow"), "{page}");
+    let plan = json(&place.succeed(&["plan", "night.lua", "--json"]).stdout);
+    assert_eq!(plan["skipped"][0]["reason"], "too shallow");
+    assert_eq!(plan["cells"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn check_reads_scripts_and_scenes_and_writes_nothing() {
+    let place = Workplace::new();
+    place.write("quad.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
+    let before = place.files(".");
+    let said = place.succeed(&["check", "night.lua", "ball.scn", "quad.obj"]).stdout;
+    assert!(said.contains("ok  night.lua: experiment `night`, 4 cells, 2 references"), "{said}");
+    assert!(said.contains("ok  ball.scn: scene, 0 triangles, 2 spheres"), "{said}");
+    assert!(said.contains("ok  quad.obj: scene, 2 triangles"), "{said}");
+    assert_eq!(place.files("."), before);
+}
+
+#[test]
+fn ls_and_show_tell_what_is_there() {
+    let place = Workplace::new();
+    let nothing = place.succeed(&["ls"]);
+    assert!(nothing.stdout.is_empty() && nothing.stderr.contains("no experiments in out"), "{}", nothing.stderr);
+    place.succeed(&["run", "night.lua", "-q"]);
+    let page = place.succeed(&["ls"]).stdout;
+    assert!(page.contains("4 cells: 4 done") && page.contains("16 spp"), "{page}");
+    let listed = json(&place.succeed(&["ls", "--json"]).stdout);
+    let run = &listed[0]["runs"][0];
+    assert_eq!(run["state"], "done");
+    let id = run["run"].as_str().unwrap();
+
+    let page = place.succeed(&["show", &id[..12]]).stdout;
+    for expected in ["render.integrator", "bpt", "done: ", "rmse", "final.exr", "16 spp"] {
+        assert!(page.contains(expected), "{expected}: {page}");
+    }
+    let folder = run["folder"].as_str().unwrap();
+    let shown = json(&place.succeed(&["show", folder, "--json"]).stdout);
+    assert_eq!(shown["config"]["run"], id);
+    assert_eq!(shown["done"]["samples"], 16);
+    assert_eq!(shown["last"]["samples"], 16);
+    assert_eq!(shown["columns"].as_array().unwrap().len(), 2);
+    assert!(place.fail(2, &["show", "zebra"]).contains("lumbre ls"));
+    assert!(place.fail(2, &["show", "0123456789abcdef"]).contains("no run matches"));
+}
+
+#[test]
+fn the_schema_is_printed_for_editors_and_for_programs() {
+    let place = Workplace::new();
+    let lua = place.succeed(&["schema", "--lua"]).stdout;
+    assert!(lua.contains("---@meta") && lua.contains("experiment"), "{lua}");
+    let tables = json(&place.succeed(&["schema", "--json"]).stdout);
+    for table in ["integrators", "metrics", "tonemaps", "backends", "material_params", "formats"] {
+        assert!(!tables[table].as_array().unwrap().is_empty(), "{table}");
+    }
+    assert_eq!(tables["integrators"][0]["name"], "bpt");
+}
+
+#[test]
+fn the_doctor_names_backends_cores_and_terminal() {
+    let place = Workplace::new();
+    let page = place.succeed(&["doctor"]).stdout;
+    for expected in ["backend cpu", "backend mock", "cores", "results in out", "standard output"] {
+        assert!(page.contains(expected), "{expected}: {page}");
+    }
+    let facts = json(&place.succeed(&["doctor", "--json"]).stdout);
+    assert!(facts["cores"].as_u64().unwrap() >= 1);
+    assert_eq!(facts["out"]["writable"], true);
+    assert_eq!(facts["terminal"]["stdout"], false);
+    assert!(!place.path("out").exists());
+}
+
+#[test]
+fn completions_and_the_manual_come_from_the_definitions() {
+    let place = Workplace::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        assert!(place.succeed(&["completions", shell]).stdout.contains("lumbre"), "{shell}");
+    }
+    let page = place.succeed(&["man"]).stdout;
+    for expected in [".TH", "lumbre-run", "lumbre-doctor", "Exit codes"] {
+        assert!(page.contains(expected), "{expected}");
+    }
+}
+
+#[test]
+fn every_verb_explains_itself() {
+    let place = Workplace::new();
+    let whole = place.succeed(&["--help"]).stdout;
+    assert!(whole.contains("Exit codes") && whole.contains("NO_COLOR"), "{whole}");
+    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "bench", "completions", "man"];
+    for verb in verbs {
+        assert!(whole.contains(&format!("\n  {verb} ")), "{verb} is not listed: {whole}");
+        let help = place.succeed(&[verb, "--help"]).stdout;
+        assert!(help.contains(&format!("Usage: lumbre {verb}")), "{help}");
+        // Every argument and option has a sentence beside or below it.
+        let lines: Vec<&str> = help.lines().collect();
+        for (i, line) in lines.iter().enumerate() {
+            let name = line.trim_start();
+            let names_one = line.starts_with(' ') && (name.starts_with(['-', '<', '[']) && !name.contains(": "));
+            let beside = line.trim_start().split("  ").filter(|part| !part.trim().is_empty()).count() > 1;
+            let below = lines.get(i + 1).is_some_and(|next| next.starts_with("          "));
+            assert!(!names_one || beside || below, "{verb}: `{line}` explains nothing");
+        }
+    }
+    let version = place.succeed(&["--version"]).stdout;
+    assert_eq!(version.trim(), concat!("lumbre ", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let place = Workplace::new();
+    let mut child = place.command(&["man"]).stdout(std::process::Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}

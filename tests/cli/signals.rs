@@ -1,0 +1,94 @@
+//! Nights that are ended from outside, politely and otherwise.
+
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::workplace::{SLOW, Workplace};
+
+const CELLS: usize = 24;
+/// Longest that anything here may take before the test gives up; nothing is expected to come near.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn start(place: &Workplace) -> Child {
+    place.write("slow.lua", SLOW);
+    let mut command = place.command(&["run", "slow.lua", "-q"]);
+    command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Waits until one cell is done while others are not.
+fn wait_for_first(place: &Workplace, child: &mut Child) {
+    let since = Instant::now();
+    while place.finished().is_empty() {
+        assert!(since.elapsed() < PATIENCE, "no cell was done");
+        assert!(child.try_wait().unwrap().is_none(), "the night ended early");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn send(child: &Child, signal: &str) {
+    let status = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+/// Ends a night in its middle by a signal, returns its exit code, then runs again and checks that only what was not
+/// done is rendered.
+fn end_and_go_on(signal: &str) -> Option<i32> {
+    let place = Workplace::new();
+    let mut child = start(&place);
+    wait_for_first(&place, &mut child);
+    send(&child, signal);
+    let status = child.wait().unwrap();
+    let before = place.finished();
+    assert!(!before.is_empty() && before.len() < CELLS, "{} cells were done", before.len());
+    let again = place.succeed(&["run", "slow.lua"]);
+    assert!(!again.stderr.contains("nothing to do"), "{}", again.stderr);
+    let after = place.finished();
+    assert_eq!(after.len(), CELLS);
+    for done in &before {
+        assert!(after.contains(done), "{} was rendered twice", done.0);
+    }
+    assert!(!place.files("out").iter().any(|f| f.ends_with(".tmp")), "a temporary file stayed");
+    status.code()
+}
+
+#[test]
+fn after_kill_only_what_was_not_done_is_rendered() {
+    assert_eq!(end_and_go_on("-KILL"), None);
+}
+
+#[test]
+fn sigterm_ends_the_wave_and_asks_to_be_run_again() {
+    assert_eq!(end_and_go_on("-TERM"), Some(75));
+}
+
+#[test]
+fn sigusr1_does_the_same() {
+    assert_eq!(end_and_go_on("-USR1"), Some(75));
+}
+
+#[test]
+fn ctrl_c_ends_the_wave_and_leaves() {
+    assert_eq!(end_and_go_on("-INT"), Some(130));
+}
+
+#[test]
+fn a_closed_terminal_does_not_end_the_night() {
+    let place = Workplace::new();
+    let mut child = start(&place);
+    wait_for_first(&place, &mut child);
+    send(&child, "-HUP");
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(place.finished().len(), CELLS);
+}
+
+#[test]
+fn a_second_night_in_the_same_folder_is_refused_while_the_first_runs() {
+    let place = Workplace::new();
+    let mut child = start(&place);
+    wait_for_first(&place, &mut child);
+    let refused = place.fail(2, &["run", "slow.lua"]);
+    assert!(refused.contains("in use by another lumbre"), "{refused}");
+    assert!(refused.contains(&child.id().to_string()), "{refused}");
+    child.kill().unwrap();
+    child.wait().unwrap();
+}

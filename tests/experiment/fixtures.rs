@@ -1,0 +1,335 @@
+//! A small experiment without a script: its parts are plain closures that a test replaces one by one.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::plan::{LoadedScene, expand};
+use lumbre::experiment::run::{Open, Seams, run_with};
+use lumbre::experiment::spec::{Axis, CellConfig, HookError, Measure, ReferenceRequest, Snapshots};
+use lumbre::experiment::{
+    CellRef, Control, Event, NightSummary, Outcome, Overrides, Plan, PlanError, Point, RunError, RunId, ScriptHooks,
+    Sink, SinkError, Spec, StopRule, WaveRow,
+};
+use lumbre::film::{Film, Image};
+use lumbre::metrics::MetricSpec;
+use lumbre::metrics::tonemap::Tonemap;
+use lumbre::render::mock::MockRenderer;
+use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc, Transform};
+use lumbre::scene::{Note, SceneDesc, SceneError};
+use lumbre::transport::camera::{FilterKind, FilterSpec};
+use lumbre::value::Value;
+
+pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
+pub type SkipHook = Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>;
+pub type PredicateHook = Box<dyn Fn(usize, &[String], &[WaveRow]) -> Result<bool, HookError>>;
+
+/// An experiment whose every part can be exchanged.
+pub struct Lab {
+    pub spec: Spec,
+    pub overrides: Overrides,
+    pub skip: SkipHook,
+    pub render: Hook<CellConfig>,
+    pub reference: Hook<Option<ReferenceRequest>>,
+    pub stop: Hook<StopRule>,
+    pub predicate: PredicateHook,
+    /// Files asked for, in order.
+    pub loads: RefCell<Vec<PathBuf>>,
+}
+
+impl ScriptHooks for Lab {
+    fn skip(&self, rule: usize, point: &Point) -> Result<bool, HookError> {
+        (self.skip)(rule, point)
+    }
+
+    fn render(&self, point: &Point) -> Result<CellConfig, HookError> {
+        (self.render)(point)
+    }
+
+    fn reference(&self, point: &Point) -> Result<Option<ReferenceRequest>, HookError> {
+        (self.reference)(point)
+    }
+
+    fn stop(&self, point: &Point) -> Result<StopRule, HookError> {
+        (self.stop)(point)
+    }
+
+    fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, HookError> {
+        (self.predicate)(id, columns, rows)
+    }
+}
+
+impl Lab {
+    /// No axes, one repeat, 8x4 pixels on the mock, 16 samples per cell, no metrics and no reference.
+    pub fn new() -> Lab {
+        Lab {
+            spec: spec(),
+            overrides: Overrides::default(),
+            skip: Box::new(|_, _| Ok(false)),
+            render: Box::new(|_| Ok(config())),
+            reference: Box::new(|_| Ok(None)),
+            stop: Box::new(|_| Ok(StopRule::Samples(16))),
+            predicate: Box::new(|id, _, _| Err(HookError(format!("nobody wrote predicate {id}").into()))),
+            loads: RefCell::default(),
+        }
+    }
+
+    /// Adds an axis.
+    pub fn axis(mut self, name: &str, values: impl IntoIterator<Item = impl Into<Value>>) -> Lab {
+        let steps = values.into_iter().map(|v| vec![v.into()]).collect();
+        self.spec.axes.push(Axis { names: vec![name.to_owned()], steps });
+        self
+    }
+
+    /// Adds axes that move together.
+    pub fn zip<const N: usize>(mut self, names: [&str; N], steps: &[[Value; N]]) -> Lab {
+        let steps = steps.iter().map(|step| step.to_vec()).collect();
+        self.spec.axes.push(Axis { names: names.map(str::to_owned).to_vec(), steps });
+        self
+    }
+
+    /// Measures RMSE against a reference of 4096 samples of the same configuration.
+    pub fn measured(mut self) -> Lab {
+        self.spec.measure.metrics = vec![MetricSpec::new("rmse", "rmse", BTreeMap::new()).unwrap()];
+        let render = std::mem::replace(&mut self.render, Box::new(|_| Ok(config())));
+        let render = std::rc::Rc::new(render);
+        let again = std::rc::Rc::clone(&render);
+        self.render = Box::new(move |p| render(p));
+        self.reference = Box::new(move |p| {
+            Ok(Some(ReferenceRequest::Render { config: Box::new(again(p)?), stop: StopRule::Samples(4096) }))
+        });
+        self
+    }
+
+    /// The plan, or why there is none.
+    pub fn try_plan(&self) -> Result<Plan, PlanError> {
+        let mut load = |file: &Path| {
+            self.loads.borrow_mut().push(file.to_owned());
+            load_scene(file)
+        };
+        expand(&self.spec, self, &self.overrides, &mut load)
+    }
+
+    /// The plan.
+    pub fn plan(&self) -> Plan {
+        self.try_plan().unwrap()
+    }
+}
+
+fn spec() -> Spec {
+    Spec {
+        name: "lab".into(),
+        seed: 1,
+        repeats: 1,
+        script_file: "lab.lua".into(),
+        script_text: "-- lab".into(),
+        script_hash: [5; 32],
+        axes: Vec::new(),
+        skips: Vec::new(),
+        measure: Measure {
+            every_s: 1e6,
+            metrics: Vec::new(),
+            snapshots: Snapshots::Last,
+            display: Tonemap::Srgb { exposure: 0.0 },
+        },
+        figures: Vec::new(),
+        tables: Vec::new(),
+    }
+}
+
+/// What a cell renders unless a test says otherwise.
+pub fn config() -> CellConfig {
+    CellConfig {
+        scene: "box".into(),
+        scene_file: "scenes/box.scn".into(),
+        integrator: "bpt".into(),
+        params: BTreeMap::new(),
+        max_depth: Some(5),
+        resolution: Some([8, 4]),
+        rr_start: None,
+        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        set: BTreeMap::new(),
+        backend: "mock".into(),
+    }
+}
+
+/// A sphere of material `egg` for every file name; files called `missing` are, and every file has one thing that
+/// cannot be honoured.
+pub fn load_scene(file: &Path) -> LoadedScene {
+    if file.ends_with("missing.scn") {
+        return Err(SceneError::Unreadable { file: file.to_owned(), reason: "no such file".into() });
+    }
+    let mut egg = MaterialDesc::new("egg");
+    egg.roughness = file.to_string_lossy().len() as f32 / 100.0;
+    let scene = SceneDesc {
+        resolution: [32, 16],
+        max_depth: 7,
+        camera: CameraDesc {
+            position: Vec3::new(0.0, 0.0, 4.0),
+            target: Vec3::ZERO,
+            up: Vec3::Y,
+            fov_deg: 40.0,
+            aperture: 0.0,
+            focus_distance: None,
+        },
+        materials: vec![egg],
+        entities: vec![EntityDesc {
+            name: "ball".into(),
+            transform: Transform::default(),
+            material: Some("egg".into()),
+            shape: ShapeDesc::Sphere { radius: 1.0 },
+        }],
+    };
+    let note = Note { file: file.to_owned(), place: "fog".into(), message: "left out".into() };
+    Ok((scene, vec![note]))
+}
+
+/// The value of an axis at a point.
+pub fn at(point: &Point, axis: &str) -> Value {
+    point.iter().find(|(name, _)| name == axis).map(|(_, value)| value.clone()).unwrap()
+}
+
+/// A whole number from an axis at a point.
+pub fn whole_at(point: &Point, axis: &str) -> u32 {
+    u32::try_from(at(point, axis).as_i64().unwrap()).unwrap()
+}
+
+/// Integers as values.
+pub fn ints<const N: usize>(numbers: [i64; N]) -> [Value; N] {
+    numbers.map(Value::Int)
+}
+
+/// What a listener heard, in short words, and the events themselves.
+#[derive(Default)]
+pub struct Recorder {
+    pub words: Vec<String>,
+    pub events: Vec<Event>,
+}
+
+impl Sink for Recorder {
+    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+        self.words.push(words(event));
+        self.events.push(event.clone());
+        Ok(())
+    }
+}
+
+impl Recorder {
+    /// The measurements of a cell as they were told.
+    pub fn rows(&self, wanted: CellRef) -> Vec<&WaveRow> {
+        let mut rows = Vec::new();
+        for event in &self.events {
+            match event {
+                Event::Wave { cell, row, .. } if *cell == wanted => rows.push(row),
+                _ => {}
+            }
+        }
+        rows
+    }
+
+    /// The samples per pixel after each wave of a cell.
+    pub fn totals(&self, wanted: CellRef) -> Vec<u64> {
+        self.rows(wanted).iter().map(|row| row.samples).collect()
+    }
+
+    /// The final sums of a cell, if it ended with any.
+    pub fn film(&self, wanted: CellRef) -> Option<Arc<Film>> {
+        self.events.iter().find_map(|event| match event {
+            Event::CellFinished { cell, film, .. } if *cell == wanted => film.clone(),
+            _ => None,
+        })
+    }
+
+    /// The texts of all messages of a level.
+    pub fn messages(&self, wanted: Level) -> Vec<String> {
+        let text = |event: &Event| match event {
+            Event::Message { level, text, .. } if *level == wanted => Some(text.clone()),
+            _ => None,
+        };
+        self.events.iter().filter_map(text).collect()
+    }
+}
+
+/// An event in a few words: `wave c0 4`, `done r0`.
+pub fn words(event: &Event) -> String {
+    let name = |cell: &CellRef| match cell {
+        CellRef::Cell(i) => format!("c{i}"),
+        CellRef::Reference(i) => format!("r{i}"),
+    };
+    match event {
+        Event::NightStarted { .. } => "night".into(),
+        Event::CellStarted { cell, .. } => format!("start {}", name(cell)),
+        Event::Wave { cell, row, .. } => format!("wave {} {}", name(cell), row.samples),
+        Event::CellFinished { cell, outcome, .. } => {
+            let how = match outcome {
+                Outcome::Done(_) => "done",
+                Outcome::Cached(_) => "cached",
+                Outcome::Failed(_) => "failed",
+                Outcome::Interrupted => "interrupted",
+            };
+            format!("{how} {}", name(cell))
+        }
+        Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
+        Event::NightFinished => "morning".into(),
+    }
+}
+
+/// What earlier nights left, in memory.
+#[derive(Default)]
+pub struct Memory {
+    pub done: BTreeMap<RunId, FinishedRun>,
+    pub images: BTreeMap<RunId, Result<Image, String>>,
+}
+
+impl History for Memory {
+    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+        self.done.get(plan.id(cell)).cloned()
+    }
+
+    fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let image = self.images.get(plan.id(CellRef::Reference(reference)));
+        image.cloned().transpose().map_err(SinkError)
+    }
+}
+
+/// A night on the mock backend with its listeners, its past and its user.
+pub struct Night<'a> {
+    pub history: Memory,
+    pub control: Control,
+    pub open: Open<'a>,
+    pub wait: &'a dyn Fn(),
+}
+
+impl Default for Night<'_> {
+    fn default() -> Self {
+        Night {
+            history: Memory::default(),
+            control: Control::default(),
+            open: &|_, scene, job| Ok(Box::new(MockRenderer::new(scene, job))),
+            wait: &|| panic!("nobody asked for a pause"),
+        }
+    }
+}
+
+impl Night<'_> {
+    /// Carries out a plan before the given listeners.
+    pub fn carry_out(
+        &self,
+        lab: &Lab,
+        plan: &Arc<Plan>,
+        sinks: &mut [&mut dyn Sink],
+    ) -> Result<NightSummary, RunError> {
+        let seams = Seams { open: self.open, wait: self.wait };
+        run_with(&seams, plan, lab, &self.history, sinks, &self.control, 1)
+    }
+
+    /// Plans, carries out, and records.
+    pub fn record(&self, lab: &Lab) -> (NightSummary, Recorder) {
+        let mut recorder = Recorder::default();
+        let summary = self.carry_out(lab, &Arc::new(lab.plan()), &mut [&mut recorder]).unwrap();
+        (summary, recorder)
+    }
+}

@@ -1,0 +1,266 @@
+//! What decides a run's id, and what does not.
+
+use std::collections::BTreeMap;
+
+use lumbre::experiment::plan::{Overrides, ReferenceSource};
+use lumbre::experiment::spec::{
+    CellConfig, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat, TableSpec, TableValue,
+};
+use lumbre::experiment::{Plan, StopRule, stop::Comparison};
+use lumbre::metrics::MetricSpec;
+use lumbre::metrics::tonemap::Tonemap;
+use lumbre::transport::camera::FilterKind;
+use lumbre::value::Value;
+
+use crate::fixtures::{Lab, at, config, ints};
+
+/// Everything a test may change about the one cell of an experiment.
+struct Parts {
+    lab: Lab,
+    config: CellConfig,
+    stop: StopRule,
+    reference_config: CellConfig,
+    reference_stop: StopRule,
+}
+
+impl Parts {
+    fn new() -> Parts {
+        Parts {
+            lab: Lab::new().axis("tag", ["x"]).measured(),
+            config: config(),
+            stop: StopRule::Samples(16),
+            reference_config: config(),
+            reference_stop: StopRule::Samples(4096),
+        }
+    }
+
+    fn plan(self) -> Plan {
+        let Parts { mut lab, config, stop, reference_config, reference_stop } = self;
+        lab.render = Box::new(move |_| Ok(config.clone()));
+        lab.stop = Box::new(move |_| Ok(stop.clone()));
+        lab.reference = Box::new(move |_| {
+            let config = Box::new(reference_config.clone());
+            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone() }))
+        });
+        lab.plan()
+    }
+}
+
+type Change = fn(&mut Parts);
+
+fn ids(change: Change) -> (String, String) {
+    let mut parts = Parts::new();
+    change(&mut parts);
+    let plan = parts.plan();
+    (plan.cells[0].id.0.clone(), plan.references[0].id.0.clone())
+}
+
+fn both(parts: &mut Parts, change: fn(&mut CellConfig)) {
+    change(&mut parts.config);
+    change(&mut parts.reference_config);
+}
+
+fn rmse_below(hold: u32) -> StopRule {
+    StopRule::When { column: "rmse".into(), op: Comparison::Less, value: 0.1, hold }
+}
+
+#[test]
+fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
+    let changes: &[(&str, Change)] = &[
+        ("nothing", |_| {}),
+        ("scene file", |p| p.config.scene_file = "scenes/other_box.scn".into()),
+        ("scene change", |p| {
+            p.config.set.insert("materials.egg.roughness".into(), Value::Num(0.5));
+        }),
+        ("another scene change", |p| {
+            p.config.set.insert("materials.egg.ior".into(), Value::Num(1.25));
+        }),
+        ("camera", |p| {
+            p.config.set.insert("camera.aperture".into(), Value::Num(0.5));
+        }),
+        ("integrator's parameters", |p| {
+            p.config.params.insert("mis".into(), "balance".into());
+        }),
+        ("depth", |p| p.config.max_depth = Some(6)),
+        ("depth of the scene", |p| p.config.max_depth = None),
+        ("resolution", |p| both(p, |c| c.resolution = Some([4, 8]))),
+        ("resolution of the scene", |p| both(p, |c| c.resolution = None)),
+        ("roulette", |p| p.config.rr_start = Some(3)),
+        ("roulette at once", |p| p.config.rr_start = Some(0)),
+        ("filter", |p| p.config.filter.kind = FilterKind::Gauss),
+        ("filter radius", |p| p.config.filter.radius = 0.75),
+        ("backend", |p| p.config.backend = "cpu".into()),
+        ("seed", |p| p.lab.spec.seed = 2),
+        ("stop", |p| p.stop = StopRule::Samples(17)),
+        ("stop of another kind", |p| p.stop = StopRule::Waves(16)),
+        ("stop by metric", |p| p.stop = rmse_below(1)),
+        ("stop by metric held", |p| p.stop = rmse_below(2)),
+        ("stop by predicate", |p| p.stop = StopRule::Predicate(0)),
+        ("script of the predicate", |p| {
+            p.stop = StopRule::Predicate(0);
+            p.lab.spec.script_hash = [6; 32];
+        }),
+        ("point of the predicate", |p| {
+            p.stop = StopRule::Predicate(0);
+            p.lab.spec.axes[0].steps[0] = vec!["y".into()];
+        }),
+        ("measuring interval", |p| p.lab.spec.measure.every_s = 0.5),
+        ("metrics", |p| p.lab.spec.measure.metrics.clear()),
+        ("column", |p| p.lab.spec.measure.metrics[0].column = "error".into()),
+        ("another metric", |p| {
+            let relative = MetricSpec::new("rmse", "relmse", BTreeMap::new()).unwrap();
+            p.lab.spec.measure.metrics = vec![relative];
+        }),
+        ("snapshots", |p| p.lab.spec.measure.snapshots = Snapshots::Pow2),
+        ("reference's depth", |p| p.reference_config.max_depth = Some(9)),
+        ("reference's filter", |p| p.reference_config.filter.radius = 0.75),
+        ("reference's stop", |p| p.reference_stop = StopRule::Samples(8192)),
+    ];
+    let ids: Vec<(&str, String)> = changes.iter().map(|(name, change)| (*name, ids(*change).0)).collect();
+    for (i, (name, id)) in ids.iter().enumerate() {
+        assert_eq!(id.len(), 32);
+        assert!(id.chars().all(|c| c.is_ascii_digit() || ('a'..='f').contains(&c)), "{id}");
+        for (other, other_id) in &ids[i + 1..] {
+            assert_ne!(id, other_id, "`{name}` and `{other}` have the same id");
+        }
+    }
+}
+
+#[test]
+fn names_places_and_looks_do_not_change_the_id() {
+    let changes: &[(&str, Change)] = &[
+        ("experiment's name", |p| p.lab.spec.name = "other".into()),
+        ("axis name", |p| p.lab.spec.axes[0].names = vec!["label".into()]),
+        ("axis value that is not used", |p| p.lab.spec.axes[0].steps[0] = vec!["y".into()]),
+        ("script's place", |p| p.lab.spec.script_file = "elsewhere/night.lua".into()),
+        ("script's text", |p| p.lab.spec.script_text = "-- lab, with a remark".into()),
+        ("script's hash without predicates", |p| p.lab.spec.script_hash = [6; 32]),
+        ("scene as written", |p| p.config.scene = "./box".into()),
+        ("scene file of the same content", |p| p.config.scene_file = "szenen/box.scn".into()),
+        ("tone map of the PNG", |p| p.lab.spec.measure.display = Tonemap::Srgb { exposure: 2.0 }),
+        ("depth equal to the scene's", |p| p.config.max_depth = Some(5)),
+        ("number of repeats", |p| p.lab.spec.repeats = 4),
+        ("backend by override", |p| {
+            p.config.backend = "auto".into();
+            p.reference_config.backend = "auto".into();
+            p.lab.overrides.backend = Some("mock".into());
+        }),
+        ("figures", |p| {
+            let figure = FigureSpec { name: "f".into(), x: FigureX::Samples, y: vec![], by: None, facet: vec![] };
+            p.lab.spec.figures.push(figure);
+        }),
+    ];
+    let unchanged = ids(|_| {});
+    for (name, change) in changes {
+        assert_eq!(ids(*change), unchanged, "{name}");
+    }
+}
+
+#[test]
+fn a_scene_change_that_changes_nothing_is_the_same_scene() {
+    let with = |set: &[(&'static str, f64)]| {
+        let mut parts = Parts::new();
+        parts.config.set = set.iter().map(|(path, x)| ((*path).to_owned(), Value::number(*x))).collect();
+        parts.plan().cells[0].id.clone()
+    };
+    assert_eq!(with(&[]), with(&[("camera.aperture", 0.0)]));
+    assert_ne!(with(&[]), with(&[("camera.aperture", 0.25)]));
+}
+
+#[test]
+fn a_reference_does_not_know_who_asks_for_it() {
+    let changes: &[(&str, Change)] = &[
+        ("cell's depth", |p| p.config.max_depth = Some(6)),
+        ("cell's stop", |p| p.stop = StopRule::Samples(99)),
+        ("measuring interval", |p| p.lab.spec.measure.every_s = 0.5),
+        ("metrics", |p| p.lab.spec.measure.metrics.clear()),
+        ("snapshots", |p| p.lab.spec.measure.snapshots = Snapshots::Pow2),
+        ("repeats", |p| p.lab.spec.repeats = 3),
+    ];
+    let unchanged = ids(|_| {}).1;
+    for (name, change) in changes {
+        assert_eq!(ids(*change).1, unchanged, "{name}");
+    }
+    let changes: &[(&str, Change)] = &[
+        ("its depth", |p| p.reference_config.max_depth = Some(6)),
+        ("its stop", |p| p.reference_stop = StopRule::Samples(99)),
+        ("the seed", |p| p.lab.spec.seed = 2),
+        ("its predicate", |p| p.reference_stop = StopRule::Predicate(0)),
+    ];
+    for (name, change) in changes {
+        assert_ne!(ids(*change).1, unchanged, "{name}");
+    }
+}
+
+#[test]
+fn a_reference_is_never_the_run_it_measures() {
+    let mut parts = Parts::new();
+    parts.stop = StopRule::Samples(4096);
+    let plan = parts.plan();
+    let ReferenceSource::Render { seed, .. } = &plan.references[0].source else { panic!("not rendered") };
+    assert_ne!(plan.cells[0].seed, *seed);
+    assert_ne!(plan.cells[0].id, plan.references[0].id);
+}
+
+#[test]
+fn repeats_differ_through_their_seed_alone() {
+    let mut lab = Lab::new();
+    lab.spec.repeats = 2;
+    let plan = lab.plan();
+    let [a, b] = [0, 1].map(|i| plan.cells[i].identity.as_map().unwrap().clone());
+    let differing: Vec<&String> = a.keys().filter(|key| a[*key] != b[*key]).collect();
+    assert_eq!(differing, ["seed"]);
+    assert_ne!(plan.cells[0].id, plan.cells[1].id);
+}
+
+#[test]
+fn a_cell_without_a_reference_does_not_depend_on_metrics() {
+    let mut lab = Lab::new().measured();
+    lab.reference = Box::new(|_| Ok(None));
+    let with = lab.plan().cells[0].id.clone();
+    lab.spec.measure.metrics.clear();
+    assert_eq!(lab.plan().cells[0].id, with);
+}
+
+#[test]
+fn the_plans_hash_follows_its_cells_points_figures_and_tables() {
+    let lab = || {
+        let mut lab = Lab::new().axis("depth", ints([3, 5]));
+        lab.render = Box::new(|p| {
+            let mut config = config();
+            config.max_depth = at(p, "depth").as_i64().map(|d| d as u32);
+            Ok(config)
+        });
+        lab
+    };
+    let table = || TableSpec {
+        name: "t".into(),
+        value: TableValue::Samples,
+        rows: vec!["depth".into()],
+        cols: vec![],
+        formats: vec![TableFormat::Md],
+    };
+    let changes: &[fn(&mut Lab, TableSpec)] = &[
+        |_, _| {},
+        |lab, _| lab.spec.name = "other".into(),
+        |lab, _| lab.spec.axes[0].steps.reverse(),
+        |lab, _| lab.overrides = Overrides { only: vec![("depth".into(), Value::Int(3))], ..Overrides::default() },
+        |lab, table| lab.spec.tables = vec![table],
+        |lab, table| lab.spec.tables = vec![TableSpec { value: TableValue::RenderS, ..table }],
+        |lab, table| lab.spec.tables = vec![TableSpec { formats: vec![TableFormat::Csv], ..table }],
+        |lab, _| {
+            let figure = FigureSpec { name: "f".into(), x: FigureX::Samples, y: vec![], by: None, facet: vec![] };
+            lab.spec.figures = vec![figure];
+        },
+    ];
+    let hashes: std::collections::BTreeSet<String> = changes
+        .iter()
+        .map(|change| {
+            let mut lab = lab();
+            change(&mut lab, table());
+            lab.plan().hash
+        })
+        .collect();
+    assert_eq!(hashes.len(), changes.len());
+    assert_eq!(lab().plan().hash, lab().plan().hash);
+}

@@ -1,0 +1,145 @@
+//! The user at night: stop, skip, pause.
+
+use std::cell::Cell;
+use std::sync::Arc;
+
+use lumbre::experiment::event::Level;
+use lumbre::experiment::run::{Seams, run_with};
+use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, Sink, SinkError};
+
+use crate::fixtures::{Lab, Night, Recorder, config, ints, whole_at, words};
+
+/// A user who does something when hearing certain words.
+struct User<'a> {
+    at: &'static str,
+    act: &'a dyn Fn(),
+}
+
+impl Sink for User<'_> {
+    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+        if words(event) == self.at {
+            (self.act)();
+        }
+        Ok(())
+    }
+}
+
+fn three() -> Lab {
+    let mut lab = Lab::new().axis("depth", ints([1, 2, 3]));
+    lab.render = Box::new(|p| {
+        let mut config = config();
+        config.max_depth = Some(whole_at(p, "depth"));
+        Ok(config)
+    });
+    lab
+}
+
+fn disturbed(lab: &Lab, night: &Night<'_>, at: &'static str, act: fn(&Control)) -> (NightSummary, Recorder) {
+    let act = || act(&night.control);
+    let (mut user, mut heard) = (User { at, act: &act }, Recorder::default());
+    let summary = night.carry_out(lab, &Arc::new(lab.plan()), &mut [&mut user, &mut heard]).unwrap();
+    (summary, heard)
+}
+
+fn stop(control: &Control) {
+    control.request_stop();
+}
+
+#[test]
+fn a_stop_ends_the_night_after_the_wave() {
+    let (summary, heard) = disturbed(&three(), &Night::default(), "wave c1 3", stop);
+    assert!(summary.interrupted);
+    assert_eq!(summary.results.len(), 2, "the third cell was never reached");
+    assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
+    assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 3);
+    assert_eq!(heard.words[heard.words.len() - 2..], ["interrupted c1", "morning"]);
+}
+
+#[test]
+fn a_stop_in_the_wave_that_finishes_a_cell_leaves_it_finished() {
+    let (summary, _) = disturbed(&three(), &Night::default(), "wave c1 16", stop);
+    assert!(matches!(summary.results[1].outcome, Outcome::Done(_)));
+    assert!(summary.interrupted, "the third cell was never reached");
+    let (summary, _) = disturbed(&three(), &Night::default(), "wave c2 16", stop);
+    assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+    assert!(!summary.interrupted, "all was done");
+}
+
+#[test]
+fn a_stop_before_the_first_wave_leaves_no_film() {
+    let (summary, heard) = disturbed(&three(), &Night::default(), "start c0", stop);
+    assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+    assert!(heard.film(CellRef::Cell(0)).is_none());
+    let (summary, heard) = disturbed(&three(), &Night::default(), "night", stop);
+    assert!(summary.interrupted && summary.results.is_empty());
+    assert_eq!(heard.words, ["night", "morning"]);
+}
+
+#[test]
+fn a_stop_during_a_reference_ends_the_night_before_its_cells() {
+    let (summary, heard) = disturbed(&three().measured(), &Night::default(), "wave r0 15", stop);
+    assert!(summary.interrupted);
+    assert_eq!(summary.results.len(), 1);
+    assert_eq!(heard.words.last().unwrap(), "morning");
+}
+
+#[test]
+fn a_skip_gives_up_one_cell_and_says_so() {
+    let (summary, heard) = disturbed(&three(), &Night::default(), "wave c1 3", Control::request_skip);
+    let kinds: Vec<bool> = summary.results.iter().map(|r| matches!(r.outcome, Outcome::Done(_))).collect();
+    assert_eq!(kinds, [true, false, true]);
+    assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
+    assert!(!summary.interrupted, "the night itself went on");
+    let told = heard.messages(Level::Warn);
+    assert!(told.contains(&"given up on request after 3 samples per pixel".to_owned()), "{told:?}");
+}
+
+#[test]
+fn a_skip_that_comes_too_late_does_not_hit_the_next_cell() {
+    let (summary, _) = disturbed(&three(), &Night::default(), "done c0", Control::request_skip);
+    assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+}
+
+#[test]
+fn cells_of_a_reference_that_was_given_up_fail() {
+    let (summary, _) = disturbed(&three().measured(), &Night::default(), "wave r0 15", Control::request_skip);
+    assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+    assert_eq!(summary.results[3].outcome, Outcome::Failed("its reference is missing: it was given up".into()));
+    assert!(matches!(summary.results[4].outcome, Outcome::Done(_)));
+}
+
+#[test]
+fn a_pause_waits_without_rendering_and_changes_nothing() {
+    let undisturbed = Night::default().record(&three()).1;
+    let waits = Cell::new(0);
+    let control = Control::default();
+    let wait = || {
+        waits.set(waits.get() + 1);
+        if waits.get() == 5 {
+            control.toggle_pause();
+        }
+    };
+    let act = || {
+        control.toggle_pause();
+    };
+    let (mut user, mut heard) = (User { at: "wave c1 3", act: &act }, Recorder::default());
+    let (lab, night) = (three(), Night::default());
+    let seams = Seams { open: night.open, wait: &wait };
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut user, &mut heard];
+    run_with(&seams, &Arc::new(lab.plan()), &lab, &night.history, sinks, &control, 1).unwrap();
+    assert_eq!(waits.get(), 5);
+    assert_eq!(heard.words, undisturbed.words);
+    let times = |heard: &Recorder| heard.rows(CellRef::Cell(1)).iter().map(|r| r.render_s).collect::<Vec<_>>();
+    assert_eq!(times(&heard), times(&undisturbed), "the pause is not on the clock");
+}
+
+#[test]
+fn a_paused_night_still_hears_stop_and_skip() {
+    let pause_and_stop = |control: &Control| {
+        control.toggle_pause();
+        control.request_stop();
+    };
+    let (summary, _) = disturbed(&three(), &Night::default(), "wave c0 1", pause_and_stop);
+    assert!(summary.interrupted);
+    assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+}

@@ -1,0 +1,13 @@
+//! Laws of the code base: who may import whom, how large a file may be, what every table row owes its reader.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "laws/dependencies.rs"]
+mod dependencies;
+#[path = "laws/files.rs"]
+mod files;
+#[path = "laws/imports.rs"]
+mod imports;
+#[path = "laws/source.rs"]
+mod source;
+#[path = "laws/tables.rs"]
+mod tables;

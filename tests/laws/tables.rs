@@ -1,0 +1,98 @@
+//! Laws over the tables: what makes a row findable and understandable.
+
+use std::collections::BTreeSet;
+
+use lumbre::metrics::METRICS;
+use lumbre::metrics::tonemap::TONEMAPS;
+use lumbre::render::BACKENDS;
+use lumbre::scene::desc::MATERIAL_PARAMS;
+use lumbre::scene::load::FORMATS;
+use lumbre::transport::integrator::INTEGRATORS;
+use lumbre::value::schema::{Field, Table, Ty};
+
+fn snake_case(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+fn check_rows<'a>(table: &str, rows: impl IntoIterator<Item = (&'a str, &'a str)>) {
+    let mut seen = BTreeSet::new();
+    for (name, doc) in rows {
+        assert!(snake_case(name), "{table}: `{name}` is not snake_case");
+        assert!(seen.insert(name.to_owned()), "{table}: `{name}` stands there twice");
+        check_doc(&format!("{table}.{name}"), doc);
+    }
+    assert!(!seen.is_empty(), "{table} is empty");
+}
+
+fn check_doc(place: &str, doc: &str) {
+    assert!(doc.split_whitespace().count() >= 2, "{place}: `{doc}` explains nothing");
+    assert!(doc.trim() == doc && doc.ends_with(['.', ')', ']']), "{place}: `{doc}` is no sentence");
+}
+
+fn check_schema(place: &str, table: &Table) {
+    assert!(!table.name.is_empty(), "{place}: the schema has no name");
+    check_doc(&format!("{place}: schema {}", table.name), table.doc);
+    let mut seen = BTreeSet::new();
+    for Field { key, ty, doc, .. } in table.fields {
+        let place = format!("{place}.{key}");
+        assert!(snake_case(key), "{place} is not snake_case");
+        assert!(seen.insert(key), "{place} stands there twice");
+        assert!(!doc.trim().is_empty(), "{place} has no doc");
+        if let Ty::Table(inner) = ty {
+            check_schema(&place, inner);
+        }
+    }
+}
+
+#[test]
+fn integrators_have_names_long_names_and_manuals() {
+    check_rows("INTEGRATORS", INTEGRATORS.iter().map(|r| (r.name, r.doc)));
+    for row in INTEGRATORS {
+        assert!(row.long_name.contains(' '), "{}: the long name `{}` is not long", row.name, row.long_name);
+        assert!(row.revision >= 1);
+        check_schema(row.name, &row.params);
+    }
+}
+
+#[test]
+fn backends_have_names_and_docs_and_answer_a_probe() {
+    check_rows("BACKENDS", BACKENDS.iter().map(|r| (r.name, r.doc)));
+    for row in BACKENDS {
+        let (Ok(answer) | Err(answer)) = (row.probe)();
+        assert!(!answer.trim().is_empty(), "{}: the probe says nothing", row.name);
+    }
+    assert!(BACKENDS.iter().all(|r| r.name != "auto"), "`auto` means the choice, not a backend");
+}
+
+#[test]
+fn metrics_have_long_names_and_definitions() {
+    check_rows("METRICS", METRICS.iter().map(|r| (r.name, r.doc)));
+    for row in METRICS {
+        assert!(!row.long_name.is_empty(), "{}", row.name);
+        check_schema(row.name, &row.options);
+    }
+}
+
+#[test]
+fn material_parameters_have_keys_and_meanings() {
+    check_rows("MATERIAL_PARAMS", MATERIAL_PARAMS.iter().map(|r| (r.name, r.doc)));
+    let keys: BTreeSet<_> = MATERIAL_PARAMS.iter().map(|r| r.scn_key.to_lowercase()).collect();
+    assert_eq!(keys.len(), MATERIAL_PARAMS.len(), "two parameters share a .scn key");
+}
+
+#[test]
+fn scene_formats_have_extensions_that_no_other_has() {
+    check_rows("FORMATS", FORMATS.iter().map(|r| (r.name, r.doc)));
+    let mut seen = BTreeSet::new();
+    for extension in FORMATS.iter().flat_map(|r| r.extensions) {
+        assert!(extension.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit()), "`{extension}`");
+        assert!(seen.insert(extension), "two formats claim `.{extension}`");
+    }
+}
+
+#[test]
+fn tone_maps_have_names_and_options() {
+    check_rows("TONEMAPS", TONEMAPS.iter().map(|(name, table)| (*name, table.doc)));
+    TONEMAPS.iter().for_each(|(name, table)| check_schema(name, table));
+}

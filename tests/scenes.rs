@@ -1,0 +1,60 @@
+//! Scenes from file to compiled arrays: the files of others, the built-in ones, damaged ones, and edits.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+
+#[path = "scenes/builtin.rs"]
+mod builtin;
+#[path = "scenes/damaged.rs"]
+mod damaged;
+#[path = "scenes/edit.rs"]
+mod edit;
+#[path = "scenes/obj.rs"]
+mod obj;
+#[path = "scenes/scn.rs"]
+mod scn;
+#[path = "scenes/third_party.rs"]
+mod third_party;
+
+use std::path::{Path, PathBuf};
+
+use lumbre::scene::load::load;
+use lumbre::scene::{Note, SceneDesc, SceneError};
+
+/// A folder of small files for one test.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(files: &[(&str, &str)]) -> Folder {
+        let folder = Folder(tempfile::tempdir().unwrap());
+        files.iter().for_each(|(name, text)| folder.write(name, text));
+        folder
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), bytes).unwrap();
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn load(&self, name: &str) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+        load(&self.path(name))
+    }
+}
+
+/// Loads a scene whose whole text is given.
+fn scn(text: &str) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    Folder::new(&[("a.scn", text)]).load("a.scn")
+}
+
+fn lines(notes: &[Note]) -> String {
+    notes.iter().map(|n| format!("{}: {}\n", n.place, n.message)).collect()
+}
+
+/// A file or folder of the built-in scenes.
+fn builtin_path(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
+}
+
+const QUAD: &str = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nvn 0 1 0\nf 1//1 2//1 3//1 4//1\n";

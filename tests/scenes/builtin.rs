@@ -1,0 +1,151 @@
+//! The scenes in `scenes/`: they load without a note, and their lights and cameras look the right way.
+
+use glam::Vec3;
+use lumbre::scene::load::load;
+use lumbre::scene::{CompiledScene, SceneDesc, compile};
+
+use super::builtin_path;
+
+const SCENES: [&str; 3] = ["cornell/cornell.scn", "cornell_spheres/cornell_spheres.scn", "veach_lamps/veach_lamps.scn"];
+
+fn builtin(name: &str) -> (SceneDesc, CompiledScene) {
+    let (desc, notes) = load(&builtin_path(name)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(notes.is_empty(), "{name}: {notes:?}");
+    let (scene, notes) = compile(&desc).unwrap();
+    assert!(notes.is_empty(), "{name}: {notes:?}");
+    (desc, scene)
+}
+
+fn front(scene: &CompiledScene, primitive: u32) -> Vec3 {
+    let [a, b, c] = scene.triangles[primitive as usize];
+    (b - a).cross(c - a).normalize_or(Vec3::ZERO)
+}
+
+/// Distance to a triangle along a ray, from either side.
+fn hit(triangle: &[Vec3; 3], origin: Vec3, direction: Vec3) -> Option<f32> {
+    let [a, b, c] = *triangle;
+    let (e1, e2) = (b - a, c - a);
+    let p = direction.cross(e2);
+    let det = e1.dot(p);
+    let s = origin - a;
+    let q = s.cross(e1);
+    let (u, v, t) = (s.dot(p) / det, direction.dot(q) / det, e2.dot(q) / det);
+    (det.abs() > 1e-12 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-4).then_some(t)
+}
+
+/// The nearest triangle along a ray.
+fn nearest(scene: &CompiledScene, origin: Vec3, direction: Vec3) -> Option<(usize, f32)> {
+    let hits = scene.triangles.iter().enumerate().filter_map(|(i, t)| Some((i, hit(t, origin, direction)?)));
+    hits.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+#[test]
+fn every_builtin_scene_is_listed_here_and_loads_clean() {
+    let mut found = Vec::new();
+    for folder in std::fs::read_dir(builtin_path("")).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_dir()) {
+        for file in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+            let size = file.metadata().unwrap().len();
+            assert!(size < 60_000, "{} has {size} bytes", file.display());
+            if file.extension().is_some_and(|e| e == "scn") {
+                found.push(file);
+            }
+        }
+    }
+    assert_eq!(found.len(), SCENES.len());
+    let readme = std::fs::read_to_string(builtin_path("README.md")).unwrap();
+    for name in SCENES {
+        let (_, scene) = builtin(name);
+        assert!(!scene.emitters.is_empty() && found.iter().any(|f| f.ends_with(name)));
+        assert!(readme.contains(name), "scenes/README.md describes {name}");
+    }
+}
+
+#[test]
+fn the_lights_of_the_boxes_fill_the_hole_in_the_ceiling_and_shine_down() {
+    for (name, triangles, spheres) in [(SCENES[0], 2 + 8 + 2 + 2 + 2 + 2 + 20, 0), (SCENES[1], 18, 2)] {
+        let (_, scene) = builtin(name);
+        assert_eq!((scene.triangles.len(), scene.spheres.len(), scene.emitters.len()), (triangles, spheres, 2));
+        let area: f32 = scene.emitters.iter().map(|e| e.area).sum();
+        assert!((area - 0.13 * 0.105).abs() < 1e-6);
+        for e in &scene.emitters {
+            assert!((front(&scene, e.primitive) - Vec3::NEG_Y).length() < 1e-6);
+        }
+        let down: f32 = (0..scene.triangles.len() as u32)
+            .filter(|i| front(&scene, *i).y < -0.999)
+            .map(|i| {
+                let [a, b, c] = scene.triangles[i as usize];
+                (b - a).cross(c - a).length() / 2.0
+            })
+            .sum();
+        assert!((down - 0.556 * 0.5592).abs() < 1e-5, "ceiling and light have no gap and no overlap: {down}");
+    }
+}
+
+#[test]
+fn every_surface_of_the_cornell_room_faces_inwards_and_the_camera_looks_in() {
+    let (desc, scene) = builtin(SCENES[0]);
+    let center = Vec3::new(0.278, 0.27, 0.05);
+    for i in 0..18u32 {
+        let [a, ..] = scene.triangles[i as usize];
+        assert!(front(&scene, i).dot(center - a) > 0.0, "triangle {i}");
+    }
+    let fov = 2.0 * (12.5f32 / 35.0).atan().to_degrees();
+    assert!((desc.camera.fov_deg - fov).abs() < 1e-3);
+    let axis = (desc.camera.target - desc.camera.position).normalize_or(Vec3::Z);
+    let (seen, _) = nearest(&scene, desc.camera.position, axis).unwrap();
+    assert!(front(&scene, seen as u32).dot(axis) < 0.0);
+    assert_eq!(scene.bounds[0], Vec3::ZERO);
+    assert!((scene.bounds[1] - Vec3::new(0.556, 0.5488, 0.5592)).length() < 1e-6);
+}
+
+#[test]
+fn the_blocks_stand_in_the_room_with_their_outsides_out() {
+    let (desc, scene) = builtin(SCENES[0]);
+    assert_eq!(
+        desc.entities.iter().map(|e| e.name.as_str()).collect::<Vec<_>>(),
+        ["room", "short_block", "tall_block"]
+    );
+    for (first, height) in [(18, 0.165), (28, 0.33)] {
+        let block: Vec<u32> = (first..first + 10).collect();
+        let corners = || block.iter().flat_map(|i| scene.triangles[*i as usize]);
+        let center = corners().sum::<Vec3>() / corners().count() as f32;
+        assert!(block.iter().all(|i| front(&scene, *i).dot(scene.triangles[*i as usize][0] - center) > 0.0));
+        assert_eq!(corners().map(|p| p.y).fold(0.0, f32::max), height);
+    }
+}
+
+#[test]
+fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
+    let (desc, scene) = builtin(SCENES[2]);
+    let camera = desc.camera.position;
+    let center = (scene.bounds[0] + scene.bounds[1]) / 2.0;
+    let row = |name: &str| desc.material_row(name).unwrap() as u32;
+    for (lamp, axis) in [("floor_light", Vec3::Y), ("spot_light", Vec3::new(-1.2, -0.8, 0.5))] {
+        let light: Vec<u32> =
+            scene.emitters.iter().map(|e| e.primitive).filter(|p| scene.material_of(*p) == row(lamp)).collect();
+        assert!(!light.is_empty());
+        for &p in &light {
+            let normal = front(&scene, p);
+            assert!((normal - axis.normalize_or(Vec3::Y)).length() < 1e-3, "{lamp} shines along its axis: {normal}");
+            let middle = scene.triangles[p as usize].iter().sum::<Vec3>() / 3.0;
+            let (seen, t) = nearest(&scene, camera, (middle - camera).normalize_or(Vec3::Z)).unwrap();
+            assert!(t < (middle - camera).length() - 1e-3 || front(&scene, seen as u32).dot(middle - camera) > 0.0);
+            assert_ne!(seen, p as usize, "{lamp} is hidden from the camera");
+            let (first, _) = nearest(&scene, middle, normal).unwrap();
+            let far = scene.material_of(first as u32);
+            assert!(far == row("ceiling") || far == row("egg"), "{lamp} reaches {}", desc.materials[far as usize].name);
+        }
+    }
+    assert!(scene.emitters.len() > 20, "two discs");
+    for i in 0..12u32 {
+        assert!(front(&scene, i).dot(center - scene.triangles[i as usize][0]) > 0.0, "the room faces inwards");
+    }
+    for i in 0..scene.triangles.len() {
+        if scene.attributes[i].material == row("egg") {
+            let [a, b, c] = scene.triangles[i];
+            assert!(front(&scene, i as u32).dot((a + b + c) / 3.0 - Vec3::new(0.1, 0.9, -0.1)) > 0.0);
+        }
+    }
+    let (seen, _) = nearest(&scene, camera, (Vec3::new(0.1, 0.88, -0.1) - camera).normalize_or(Vec3::Z)).unwrap();
+    assert_eq!(scene.material_of(seen as u32), row("egg"), "the camera sees the egg");
+}

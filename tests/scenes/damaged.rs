@@ -1,0 +1,166 @@
+//! Truncated, flipped and hostile files: an error or a scene, never a panic, never an endless wait.
+
+use lumbre::scene::compile;
+use proptest::prelude::*;
+
+use super::{Folder, QUAD, builtin_path, scn};
+
+/// A small scene that uses every part of the format, and its files.
+fn folder() -> (Folder, String, String) {
+    let text = r#"{ "resolution": [16, 8], "maxdepth": 4,
+  "camera": { "position": [0, 1, 4], "lookat": [0, 0.5, 0], "fov": 40.5, "antialiasing_radius": 0.2 },
+  "materials": [ { "name": "a", "color": [0.5, 0.25, 1e-1], "albedotexture": "t.png", "tiling": 2 },
+                 { "name": "light", "emission": [1, 2, 3], "metallic": 0.5 } ],
+  "entities": [ { "type": "mesh", "file": "m.obj", "position": [0, -1, 0], "rotation": [0, 0.5, 0], "scale": [1, 2, 1] },
+                { "type": "sphere", "radius": 0.5, "material": "light", "inverted_normal": 1 } ] }"#;
+    let obj = format!("# mesh\nmtllib x.mtl\no one\n{QUAD}vt 0 0\nvt 1 1\nusemtl a\nf 1/1/1 2/2/1 -2/1/1\nf 1 2 3\n");
+    let folder = Folder::new(&[("a.scn", text), ("m.obj", &obj)]);
+    image::RgbImage::from_fn(5, 4, |x, y| image::Rgb([x as u8 * 50, y as u8 * 60, 7]))
+        .save(folder.path("t.png"))
+        .unwrap();
+    (folder, text.to_owned(), obj)
+}
+
+/// Loads and compiles, whatever comes of it; an error must name a file of the folder.
+fn survive(folder: &Folder, name: &str) -> bool {
+    match folder.load(name) {
+        Ok((desc, _)) => compile(&desc).is_ok(),
+        Err(e) => {
+            let text = e.to_string();
+            assert!(["a.scn", "m.obj", "t.png"].iter().any(|f| text.contains(f)), "{text}");
+            assert!(text.len() < 2000, "{text}");
+            false
+        }
+    }
+}
+
+#[test]
+fn the_whole_scene_is_fine() {
+    let (folder, ..) = folder();
+    assert!(survive(&folder, "a.scn"));
+}
+
+#[test]
+fn every_truncation_of_a_scn_and_its_mesh_is_survived() {
+    let (folder, text, obj) = folder();
+    for cut in 0..text.len() {
+        folder.write("a.scn", &text[..cut]);
+        assert!(!survive(&folder, "a.scn"), "half a document is an error: {cut}");
+    }
+    folder.write("a.scn", &text);
+    for cut in 0..obj.len() {
+        folder.write("m.obj", &obj[..cut]);
+        survive(&folder, "a.scn");
+    }
+}
+
+#[test]
+fn flipped_bytes_are_survived() {
+    let (folder, text, obj) = folder();
+    let texture = std::fs::read(folder.path("t.png")).unwrap();
+    for (name, bytes) in [("a.scn", text.as_bytes()), ("m.obj", obj.as_bytes()), ("t.png", &texture)] {
+        for i in 0..bytes.len() {
+            for flip in [0x01, 0x10, 0x80] {
+                let mut damaged = bytes.to_vec();
+                damaged[i] ^= flip;
+                folder.write(name, &damaged);
+                survive(&folder, "a.scn");
+            }
+        }
+        folder.write(name, bytes);
+    }
+}
+
+#[test]
+fn a_truncated_builtin_scene_is_one_error() {
+    let text = std::fs::read(builtin_path("cornell/room.obj")).unwrap();
+    let folder = Folder::new(&[("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#)]);
+    for cut in (0..text.len()).step_by(7) {
+        folder.write("m.obj", &text[..cut]);
+        survive(&folder, "a.scn");
+    }
+}
+
+#[test]
+fn deep_nesting_and_long_texts_are_short_errors() {
+    for open in ["[", "{\"a\":"] {
+        let e = scn(&open.repeat(100_000)).unwrap_err().to_string();
+        assert!(e.contains("recursion limit") && e.len() < 500, "{e}");
+    }
+    let long = "x".repeat(1 << 20);
+    for text in [
+        format!("{{ \"{long}\": 1 }}"),
+        format!("{{ \"entities\": [ {{ \"type\": \"{long}\" }} ] }}"),
+        format!("{{ \"maxdepth\": \"{long}\" }}"),
+    ] {
+        match scn(&text) {
+            Ok((_, notes)) => assert!(notes[0].to_string().len() < 500),
+            Err(e) => assert!(e.to_string().len() < 500),
+        }
+    }
+}
+
+#[test]
+fn hostile_numbers_and_encodings_are_errors() {
+    for number in ["1e999", "-1e999", "NaN", "Infinity", "0x10", "1e-400", "99999999999999999999999999"] {
+        if let Ok((desc, _)) = scn(&format!("{{ \"camera\": {{ \"position\": [{number}, 0, 0] }} }}")) {
+            assert!(desc.camera.position.is_finite(), "{number}");
+        }
+        if let Ok((desc, _)) = scn(&format!("{{ \"maxdepth\": {number} }}")) {
+            assert!((1..=65_535).contains(&desc.max_depth), "{number}");
+        }
+    }
+    let folder = Folder::new(&[]);
+    folder.write("a.scn", b"{ \"maxdepth\": 5, \"\xff\": 1 }");
+    assert!(!survive(&folder, "a.scn"));
+    folder.write("a.scn", "{ }".encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>());
+    assert!(!survive(&folder, "a.scn"));
+}
+
+#[test]
+fn a_scene_that_names_itself_or_a_folder_is_an_error() {
+    let folder = Folder::new(&[
+        ("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "a.scn" } ] }"#),
+        ("b.scn", r#"{ "entities": [ { "type": "mesh", "file": "." } ] }"#),
+    ]);
+    // Read as an OBJ, its lines say nothing that an OBJ knows.
+    let (desc, notes) = folder.load("a.scn").unwrap();
+    assert!(notes.iter().any(|n| n.message.contains("no faces")));
+    assert!(compile(&desc).is_ok());
+    assert!(folder.load("b.scn").unwrap_err().to_string().contains("not a regular file"));
+}
+
+#[test]
+fn more_triangles_than_a_scene_can_have_are_refused_before_they_are_made() {
+    let mut obj = String::from("v 0 0 0\nv 1 0 0\nv 0 1 0\n");
+    obj.push_str(&"f 1 2 3\n".repeat(20_000));
+    let entity = "{ \"type\": \"mesh\", \"file\": \"m.obj\" }";
+    let text = format!("{{ \"entities\": [ {} ] }}", vec![entity; 4_000].join(","));
+    let folder = Folder::new(&[("a.scn", &text), ("m.obj", &obj)]);
+    let (desc, _) = folder.load("a.scn").unwrap();
+    let e = compile(&desc).unwrap_err().to_string();
+    assert!(e.contains("80000000"), "{e}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 300,
+        failure_persistence: None,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(2),
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn any_words_of_an_obj_are_survived(words in proptest::collection::vec(
+        prop_oneof![
+            Just("v".to_owned()), Just("vt".to_owned()), Just("vn".to_owned()), Just("f".to_owned()),
+            Just("usemtl".to_owned()), Just("o".to_owned()), Just("\n".to_owned()), Just("\\\n".to_owned()),
+            "-?[0-9]{1,20}", "-?[0-9]/-?[0-9]?/-?[0-9]", "-?[0-9]\\.[0-9]e[0-9]{1,3}", Just("nan".to_owned()),
+        ], 0..60)) {
+        let folder = Folder::new(&[
+            ("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#),
+            ("m.obj", &words.join(" ")),
+        ]);
+        survive(&folder, "a.scn");
+    }
+}

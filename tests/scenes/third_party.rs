@@ -1,0 +1,106 @@
+//! Scenes that nobody here made, where they are present.
+
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use lumbre::scene::compile;
+use lumbre::scene::load::load;
+
+/// The folder of shared third-party data, if this machine has it.
+fn shared(what: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("LUMBRE_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let path = root.join(what);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("SKIPPED: {} is not on this machine", path.display());
+    None
+}
+
+fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            files_below(&path, extension, found);
+        } else if path.extension().is_some_and(|e| e == extension) {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn every_scn_of_the_collection_loads_and_compiles() {
+    let Some(folder) = shared("scenes/vkraytracing") else { return };
+    let mut files = Vec::new();
+    files_below(&folder, "scn", &mut files);
+    assert_eq!(files.len(), 79);
+    for file in files {
+        let (desc, _) = load(&file).unwrap_or_else(|e| panic!("{e}"));
+        let (scene, notes) = compile(&desc).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        assert!(!scene.emitters.is_empty(), "{} is dark", file.display());
+        assert!(!notes.iter().any(|n| n.message.contains("black")));
+        for (points, a) in scene.triangles.iter().zip(&scene.attributes) {
+            let front = (points[1] - points[0]).cross(points[2] - points[0]).normalize_or(Vec3::ZERO);
+            for n in a.normals {
+                assert!((n.length() - 1.0).abs() < 1e-5 && n.dot(front) > -1e-4, "{}", file.display());
+            }
+        }
+        for e in &scene.emitters {
+            let material = scene.materials[scene.material_of(e.primitive) as usize];
+            assert!(e.area > 0.0 && material.emission.max_element() > 0.0 && !material.emitter_reflects);
+        }
+    }
+}
+
+#[test]
+fn the_original_box_has_the_counts_and_sides_of_its_reference() {
+    let Some(file) = shared("scenes/vkraytracing/cornellbox_original.scn") else { return };
+    let (desc, notes) = load(&file).unwrap();
+    assert!(notes.is_empty(), "{notes:?}");
+    let (scene, notes) = compile(&desc).unwrap();
+    assert!(notes.is_empty(), "{notes:?}");
+    assert_eq!((scene.triangles.len(), scene.spheres.len(), scene.emitters.len()), (36, 0, 2));
+    assert_eq!((scene.resolution, scene.max_depth), ([1280, 720], 5));
+    assert_eq!((scene.camera.fov_deg, scene.camera.position), (60.0, Vec3::new(0.0, 0.7, 2.2)));
+    let area: f32 = scene.emitters.iter().map(|e| e.area).sum();
+    assert!((area - 0.47 * 0.38).abs() < 1e-6, "{area}");
+    for e in &scene.emitters {
+        let [a, b, c] = scene.triangles[e.primitive as usize];
+        assert!((b - a).cross(c - a).y < 0.0, "the light shines down");
+    }
+}
+
+#[test]
+fn quirks_of_the_collection_are_honoured_or_noted() {
+    let Some(folder) = shared("scenes/vkraytracing") else { return };
+    let all = |name: &str| {
+        let (desc, mut notes) = load(&folder.join(name)).unwrap();
+        notes.extend(compile(&desc).unwrap().1);
+        notes.iter().map(|n| format!("{n}\n")).collect::<String>()
+    };
+    let bubble = all("cornellbox_bubble.scn");
+    assert!(bubble.contains("cornellbox_bubble.scn: entities[2].inverted_normal"), "{bubble}");
+    let alt = all("Bidirectional/veach_lamps_alt.scn");
+    assert!(alt.contains("veach_lamps_alt.obj: line") && alt.contains("line and point elements"), "{alt}");
+    let specular = all("DisneyTest/specular.scn");
+    assert!(specular.contains(".ior: 0 is outside 0.01 to 100: 0.01 is used"), "{specular}");
+    let (desc, _) = load(&folder.join("BRDF/brdf.scn")).unwrap();
+    let sky = &desc.materials[desc.material_row("Paredes").unwrap()];
+    assert_eq!(sky.textures.len(), 2, "the albedo texture of a light colours its emission");
+}
+
+#[test]
+fn loose_meshes_of_others_load_as_scenes() {
+    let Some(folder) = shared("scenes") else { return };
+    let mut files = Vec::new();
+    files_below(&folder, "obj", &mut files);
+    assert!(files.len() > 30);
+    for file in files {
+        let (desc, _) = load(&file).unwrap_or_else(|e| panic!("{e}"));
+        let (scene, notes) = compile(&desc).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        assert!(!scene.triangles.is_empty(), "{}", file.display());
+        assert!(notes.iter().any(|n| n.message.contains("nothing emits light")));
+    }
+}
