@@ -1,5 +1,7 @@
 //! Scripts: from the file to a `Spec`, and through their functions while the plan is made.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests; a failure is the test's")]
+
 #[path = "script/errors.rs"]
 mod errors;
 #[path = "script/hooks.rs"]
