@@ -6,6 +6,8 @@
 mod errors;
 #[path = "script/hooks.rs"]
 mod hooks;
+#[path = "script/readme.rs"]
+mod readme;
 #[path = "script/sandbox.rs"]
 mod sandbox;
 #[path = "script/spec.rs"]
