@@ -339,10 +339,10 @@ fn diagnostics_show_the_line() {
     let e = error_of(&edited(MEASURE, "x:measure { rmse = metric.rmse(),\n  keep = { exr = \"pow3\" } }"));
     assert_eq!(e.pointed_at(), Some("exr"));
     assert_eq!(e.code().unwrap().to_string(), "script::field");
-    assert!(e.help().unwrap().to_string().contains("known: last, pow2"));
     let mut shown = String::new();
     let theme = miette::GraphicalTheme::unicode_nocolor();
     miette::GraphicalReportHandler::new_themed(theme).render_report(&mut shown, &e).unwrap();
     assert!(shown.contains("t.lua:8:12"), "{shown}");
+    assert_eq!(shown.matches("known: last, pow2").count(), 1, "{shown}");
     assert!(shown.contains("keep = { exr = \"pow3\" } }"), "{shown}");
 }
