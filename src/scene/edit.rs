@@ -1,9 +1,14 @@
 //! `set "materials.egg.roughness" = v`: the only door for sweeps into a scene.
 //!
-//! Three tables say everything that can be set: [`SCENE_PARAMS`], [`ENTITY_PARAMS`] and the material table
-//! ([`MATERIAL_PARAMS`]). Names of materials and entities may hold dots: the last part of a path is the parameter.
+//! Tables say everything that can be set: [`SCENE_PARAMS`], [`ENTITY_PARAMS`], [`LIGHT_PARAMS`],
+//! [`ENVIRONMENT_PARAMS`] and the material table ([`MATERIAL_PARAMS`]). Names of materials, entities and lights may hold
+//! dots: the last part of a path is the parameter.
+
+mod lights;
 
 use glam::Vec3;
+
+pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam};
 
 use super::desc::{
     EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, MaterialDesc, SceneDesc, ShapeDesc,
@@ -151,7 +156,7 @@ fn vector(v: &Value) -> Vec3 {
 }
 
 /// Sets one value by its path: one of [`SCENE_PARAMS`], `materials.NAME.PARAM`, `materials.*.PARAM` (every material
-/// that emits nothing), or `entities.NAME.PARAM`.
+/// that emits nothing), `entities.NAME.PARAM`, `lights.NAME.PARAM` or `environment.PARAM`.
 ///
 /// # Errors
 /// A path that names nothing in the scene, with the nearest name; a value of the wrong kind or out of range.
@@ -169,6 +174,8 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
     match head {
         "materials" => set_material(desc, path, rest, value),
         "entities" => set_entity(desc, path, rest, value),
+        "lights" => lights::set_light(desc, path, rest, value),
+        "environment" => lights::set_environment(desc, path, rest, value),
         "camera" => {
             let known = SCENE_PARAMS.iter().filter_map(|row| row.path.strip_prefix("camera."));
             Err(unknown_key(path, rest, known))
@@ -181,7 +188,7 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
 fn heads() -> Vec<&'static str> {
     let mut heads: Vec<&str> = SCENE_PARAMS.iter().map(|row| row.path.split('.').next().unwrap_or(row.path)).collect();
     heads.dedup();
-    heads.extend(["materials", "entities"]);
+    heads.extend(["materials", "entities", "lights", "environment"]);
     heads
 }
 
@@ -249,5 +256,6 @@ pub fn paths(desc: &SceneDesc) -> Vec<String> {
         let rows = ENTITY_PARAMS.iter().filter(|row| (row.applies)(&e.shape));
         paths.extend(rows.map(|row| format!("entities.{}.{}", e.name, row.name)));
     }
+    paths.extend(lights::paths(desc));
     paths
 }

@@ -75,11 +75,10 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
     scene.bounds = bounds(&scene);
     let whole = |message: &str| Note { file: PathBuf::new(), place: "scene".to_owned(), message: message.to_owned() };
     let dark = scene.emitters.is_empty() && scene.points.is_empty() && scene.directionals.is_empty();
-    if scene.environment.is_some() {
-        // It is seen even where there is no surface.
-    } else if scene.primitive_count() == 0 {
+    let surrounded = scene.environment.is_some();
+    if scene.primitive_count() == 0 && !surrounded {
         notes.push(whole("it has no surfaces: the picture will be black"));
-    } else if dark {
+    } else if dark && !surrounded {
         notes.push(whole("nothing emits light: the picture will be black"));
     }
     Ok((scene, notes))

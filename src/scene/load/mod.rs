@@ -5,6 +5,7 @@
 
 mod images;
 mod obj;
+pub mod openexr;
 mod scn;
 
 use std::fs::File;

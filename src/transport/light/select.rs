@@ -83,13 +83,13 @@ fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let probe = |k: u32| {
         let u = [(k % side) as f32 + 0.5, (k / side) as f32 + 0.5].map(|x| x / side as f32);
         let uv = area::sample(scene, i, u).uv;
-        luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
+        luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling).abs())
     };
     let seen = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);
     plain * (seen + WHOLE * brightness[m.emission_texture as usize])
 }
 
 fn mean_luminance(texture: &Texture) -> f64 {
-    let sum: f64 = texture.texels.iter().map(|t| luminance(glam::Vec3::from_array(*t))).sum();
+    let sum: f64 = texture.texels.iter().map(|t| luminance(glam::Vec3::from_array(*t).abs())).sum();
     sum / texture.texels.len().max(1) as f64
 }

@@ -38,7 +38,8 @@ const MASK_KEY: &str = "masktexture";
 pub(super) struct Textures(BTreeMap<PathBuf, Arc<TextureDesc>>);
 
 impl Textures {
-    fn load(
+    /// The texture in the file that a key names, if the key is there.
+    pub(super) fn load(
         &mut self,
         key: &str,
         object: &mut Object,

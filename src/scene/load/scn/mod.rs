@@ -16,8 +16,9 @@
 //! `antialiasing_radius` belongs to the camera there; here the script's `aa` decides, so it becomes a [`Note`], as
 //! does everything else that cannot be honoured. An entity may have a `name`, which is an addition of Lumbre; entities
 //! without one are called after the stem of their mesh's file, or `sphere`, with `_2`, `_3` and so on where a name is
-//! taken.
+//! taken. `lights` and `environment` are additions too: `scenes/README.md` describes them.
 
+mod light;
 mod material;
 mod reader;
 
@@ -109,8 +110,18 @@ fn scene(json: &Json, report: &mut Report) -> Result<SceneDesc, SceneError> {
     for (place, json) in root.list("entities", report)? {
         entities.read(&place, json, report)?;
     }
-    root.note_unknown(["resolution", "maxdepth", "camera", "materials", "entities"], report);
-    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list, lights: vec![], environment: None };
+    let mut names = Names::default();
+    let mut lights = Vec::new();
+    for (place, json) in root.list("lights", report)? {
+        lights.push(light::read(&place, json, &mut names, report)?);
+    }
+    let environment = match root.take("environment") {
+        Some((place, json)) => Some(light::environment(&place, json, &mut textures, report)?),
+        None => None,
+    };
+    let known = ["resolution", "maxdepth", "camera", "materials", "entities", "lights", "environment"];
+    root.note_unknown(known, report);
+    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list, lights, environment };
     Ok(desc.with_default_material(false))
 }
 
@@ -144,13 +155,36 @@ fn camera(place: &str, json: &Json, report: &mut Report) -> Result<CameraDesc, S
     Ok(CameraDesc { position, target, up: Vec3::Y, fov_deg: fov as f32, aperture: 0.0, focus_distance: None })
 }
 
+/// Names that are taken.
+#[derive(Default)]
+struct Names {
+    taken: BTreeSet<String>,
+    /// How often each stem has been numbered, so that naming stays fast.
+    numbered: BTreeMap<String, usize>,
+}
+
+impl Names {
+    /// The given name, or the stem where none is given; with the first free number from 2 on where it is taken.
+    fn give(&mut self, given: Option<&str>, stem: &str, place: &str, report: &mut Report) -> String {
+        let stem = given.unwrap_or(stem);
+        let mut name = stem.to_owned();
+        let number = self.numbered.entry(stem.to_owned()).or_insert(1);
+        while !self.taken.insert(name.clone()) {
+            *number += 1;
+            name = format!("{stem}_{number}");
+        }
+        if given.is_some_and(|g| g != name) {
+            report.note(format!("{place}.name"), format!("taken: it is called `{}`", shorten(&name)));
+        }
+        name
+    }
+}
+
 /// The entities read so far, and the meshes that they share.
 #[derive(Default)]
 struct Entities {
     list: Vec<EntityDesc>,
-    names: BTreeSet<String>,
-    /// How often each stem has been numbered, so that naming stays fast.
-    numbered: BTreeMap<String, usize>,
+    names: Names,
     /// By file and default material.
     meshes: BTreeMap<(PathBuf, String), Arc<MeshDesc>>,
 }
@@ -222,10 +256,7 @@ impl Entities {
             }
         }
         object.note_unknown(ENTITY_KEYS.iter().copied(), report);
-        let name = self.unique(given.as_deref().unwrap_or(&stem));
-        if given.is_some_and(|g| g != name) {
-            report.note(format!("{place}.name"), format!("taken: the entity is called `{}`", shorten(&name)));
-        }
+        let name = self.names.give(given.as_deref(), &stem, place, report);
         self.list.push(EntityDesc { name, ..entity });
         Ok(())
     }
@@ -244,17 +275,6 @@ impl Entities {
         let mesh = Arc::new(mesh.map_err(|e| report.named_at(&at, e))?);
         self.meshes.insert(key, mesh.clone());
         Ok(mesh)
-    }
-
-    /// The stem itself, or with the first free number from 2 on.
-    fn unique(&mut self, stem: &str) -> String {
-        let mut name = stem.to_owned();
-        let number = self.numbered.entry(stem.to_owned()).or_insert(1);
-        while !self.names.insert(name.clone()) {
-            *number += 1;
-            name = format!("{stem}_{number}");
-        }
-        name
     }
 }
 
