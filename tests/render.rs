@@ -12,6 +12,8 @@ mod bsdf;
 mod camera;
 #[path = "render/determinism.rs"]
 mod determinism;
+#[path = "render/film.rs"]
+mod film;
 #[path = "render/furnace.rs"]
 mod furnace;
 #[path = "render/intersection.rs"]

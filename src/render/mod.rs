@@ -47,9 +47,10 @@ pub struct WaveStats {
     pub paths: u64,
     /// Rays traced.
     pub rays: u64,
-    /// Samples whose value was NaN or infinite; they count as black and are never silently dropped.
+    /// Samples and splats whose value was NaN or infinite, and splats that do not fit into their sums; they count as
+    /// black and are never silently dropped.
     pub invalid: u64,
-    /// Column, row and sample index of the first such sample.
+    /// Column, row and sample index of the first such sample, or of the first that traced such a splat.
     pub first_invalid: Option<[u64; 3]>,
 }
 

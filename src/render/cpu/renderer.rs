@@ -1,7 +1,7 @@
 //! The loop over pixels and samples.
 
 use std::cell::Cell;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::Vec3;
@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::accel::Accel;
 use crate::film::Film;
+use crate::film::splat::Splats;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
@@ -20,7 +21,8 @@ use crate::transport::sampler::Sampler;
 /// A run on the CPU.
 ///
 /// Every pixel's samples are added to its sums in the order of their index by one thread, so the film has the same bits
-/// for any number of threads and for any grouping of samples into waves.
+/// for any number of threads and for any grouping of samples into waves. Splats, light for pixels other than the
+/// sample's own, are summed apart in whole numbers, whose order does not matter, and join the film after each wave.
 pub struct CpuRenderer {
     scene: Arc<CompiledScene>,
     accel: Accel,
@@ -28,7 +30,12 @@ pub struct CpuRenderer {
     lights: Lights,
     job: Job,
     pool: rayon::ThreadPool,
-    film: Film,
+    /// What samples brought to their own pixels.
+    own: Film,
+    /// What they brought elsewhere; there from the first splat on.
+    splats: OnceLock<SplatSums>,
+    /// Both together, where there are splats.
+    joint: Option<Film>,
     open_stats: OpenStats,
 }
 
@@ -53,13 +60,52 @@ impl CpuRenderer {
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
             lights: Lights::with_select(&scene, Select::of(&job.params)),
-            film: Film::new(job.resolution[0], job.resolution[1]),
+            own: Film::new(job.resolution[0], job.resolution[1]),
+            splats: OnceLock::new(),
+            joint: None,
             accel,
             scene,
             job,
             pool,
             open_stats,
         })
+    }
+}
+
+impl CpuRenderer {
+    /// Joins splats and own samples into one film.
+    fn join(&mut self) {
+        let Some(splats) = self.splats.get().filter(|_| self.own.samples > 0) else { return };
+        let own = &self.own;
+        let film = self.joint.get_or_insert_with(|| Film::new(own.width, own.height));
+        film.samples = own.samples;
+        let n = own.samples as f64;
+        for (i, (sum, sum2)) in film.sum.iter_mut().zip(&mut film.sum2).enumerate() {
+            let (landed, squares) = (splats.sum.sum(i), splats.sum2.sum_of_squares(i));
+            for c in 0..3 {
+                let (s, all) = (own.sum[i][c], own.sum[i][c] + landed[c]);
+                sum[c] = all;
+                // So that the variance of both together comes out: see `Film`.
+                sum2[c] = own.sum2[i][c] + squares[c] * (n - 1.0) / n + (all * all - s * s) / n;
+            }
+        }
+    }
+}
+
+/// Splats and their squares.
+struct SplatSums {
+    sum: Splats,
+    sum2: Splats,
+}
+
+impl SplatSums {
+    fn new(pixels: usize) -> SplatSums {
+        SplatSums { sum: Splats::new(pixels), sum2: Splats::new(pixels) }
+    }
+
+    /// Adds a splat; `false` where it cannot be counted.
+    fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
+        self.sum.add(pixel, value) && self.sum2.add_square(pixel, value)
     }
 }
 
@@ -103,10 +149,10 @@ impl Trace for Counted<'_> {
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
-        let first = self.film.samples;
-        let width = self.film.width as usize;
-        let CpuRenderer { scene, accel, camera, lights, job, film, pool, .. } = self;
-        let render_row = |y: usize, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]]| {
+        let first = self.own.samples;
+        let [width, height] = [self.own.width, self.own.height];
+        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, pool, .. } = self;
+        let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]]| {
             let trace = Counted { accel, rays: Cell::new(0) };
             let context = Context {
                 scene,
@@ -119,34 +165,50 @@ impl Renderer for CpuRenderer {
             };
             let mut stats = RowStats::default();
             for x in 0..width {
-                let pixel = [x as u32, y as u32];
+                let pixel = [x, y];
                 for sample in first..first + samples {
                     let mut value = Vec3::ZERO;
+                    let mut invalid = 0;
                     let mut sampler = Sampler::new(job.seed, pixel, sample);
-                    (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| value += c.value);
-                    if !value.is_finite() {
-                        let here = RowStats { rays: 0, invalid: 1, first_invalid: Some([sample, y as u64, x as u64]) };
-                        stats = stats.merge(here);
-                        continue;
+                    (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
+                        if c.t != 1 && c.pixel == pixel {
+                            value += c.value;
+                        } else if c.value != Vec3::ZERO {
+                            let inside = c.pixel[0] < width && c.pixel[1] < height;
+                            let sums = splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
+                            let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
+                            invalid += u64::from(!(inside && sums.add(at, c.value.to_array())));
+                        }
+                    });
+                    if value.is_finite() {
+                        for c in 0..3 {
+                            let v = f64::from(value[c]);
+                            sum[x as usize][c] += v;
+                            sum2[x as usize][c] += v * v;
+                        }
+                    } else {
+                        invalid += 1;
                     }
-                    for c in 0..3 {
-                        let v = f64::from(value[c]);
-                        sum[x][c] += v;
-                        sum2[x][c] += v * v;
+                    if invalid > 0 {
+                        let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
+                        stats = stats.merge(RowStats { rays: 0, invalid, first_invalid });
                     }
                 }
             }
             RowStats { rays: trace.rays.get(), ..stats }
         };
         let stats = pool.install(|| {
+            let width = width as usize;
             let rows = film.sum.par_chunks_mut(width).zip(film.sum2.par_chunks_mut(width)).enumerate();
-            rows.map(|(y, (sum, sum2))| render_row(y, sum, sum2)).reduce(RowStats::default, RowStats::merge)
+            rows.map(|(y, (sum, sum2))| render_row(y as u32, sum, sum2)).reduce(RowStats::default, RowStats::merge)
         });
         film.samples += samples;
+        let paths = samples * film.sum.len() as u64;
+        self.join();
         Ok(WaveStats {
             samples,
             render_s: start.elapsed().as_secs_f64(),
-            paths: samples * film.sum.len() as u64,
+            paths,
             rays: stats.rays,
             invalid: stats.invalid,
             first_invalid: stats.first_invalid.map(|[sample, y, x]| [x, y, sample]),
@@ -154,7 +216,7 @@ impl Renderer for CpuRenderer {
     }
 
     fn film(&self) -> &Film {
-        &self.film
+        self.joint.as_ref().unwrap_or(&self.own)
     }
 
     fn open_stats(&self) -> &OpenStats {

@@ -67,8 +67,7 @@ fn others_of_next_event(context: &Context, h: Heuristic, z: &Vertex, d: &DirectS
     // Meeting the light instead of sampling it.
     let met = if d.delta { 0.0 } else { h.term(f64::from(z.bsdf.pdf_w(z.wo, d.wi)) / pdf_w) };
     // Going on from the light instead of stopping at it.
-    let crate::transport::light::LightId::Emitter(i) = d.point.light;
-    let emission = context.lights.pdf_emission(context.scene, i, -d.wi.dot(d.point.normal));
+    let emission = context.lights.pdf_emission_at(context.scene, &d.point, -d.wi);
     let direct = pdf_w * f64::from(vertex::area_factor(z.position, d.point.position, d.point.normal));
     let here = f64::from(emission.pdf_w * vertex::area_factor(d.point.position, z.position, z.n_geometric));
     let others = z.chain.others(h, here, z.density_before(d.wi));
