@@ -31,7 +31,11 @@
 //! Watertight Ray/Triangle Intersection. [Haines et al. 2019] Precision Improvements for Ray/Sphere Intersection.
 //! [Burley 2015] Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering. [Schlick 1994] An
 //! Inexpensive BRDF Model for Physically-based Rendering. [Heitz 2019] A Low-Distortion Map Between Triangle and Square.
-//! [Giles 2010] Approximating the erfinv Function.
+//! [Giles 2010] Approximating the erfinv Function. [Burley 2012] Physically Based Shading at Disney. [Walter et al.
+//! 2007] Microfacet Models for Refraction through Rough Surfaces. [Heitz 2014] Understanding the Masking-Shadowing
+//! Function in Microfacet-Based BRDFs. [Heitz 2018] Sampling the GGX Distribution of Visible Normals. [Dupuy & Benyoub
+//! 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] the position of smooth-shaded points that
+//! hides the shadow terminator, as section 3.3 of the second source cites it.
 
 pub mod bsdf;
 pub mod camera;
@@ -41,9 +45,6 @@ pub mod light;
 pub mod ray;
 pub mod sampler;
 pub mod surface;
-
-/// A hit where the mask texture's red channel is below this is no hit (annex A of the `.scn` format).
-pub const MASK_THRESHOLD: f32 = 0.5;
 
 /// Russian roulette never lets a path survive with a probability above this, so that every path ends.
 pub const MAX_SURVIVAL: f32 = 0.95;

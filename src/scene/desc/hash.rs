@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use super::{EntityDesc, MATERIAL_PARAMS, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels};
 
 /// Changes whenever the encoding below does, so that hashes of different encodings never meet.
-const SCENE_TAG: &[u8] = b"lumbre scene 1";
+const SCENE_TAG: &[u8] = b"lumbre scene 2";
 const MESH_TAG: &[u8] = b"lumbre mesh 1";
 const TEXTURE_TAG: &[u8] = b"lumbre texture 1";
 
@@ -53,6 +53,8 @@ fn material(h: &mut Hasher, m: &MaterialDesc) {
 fn entity(h: &mut Hasher, desc: &SceneDesc, e: &EntityDesc) {
     let row = |name: &str| desc.material_row(name).unwrap_or(0) as u64;
     vec3(h, e.transform.translate);
+    int(h, u64::from(e.anisotropic_direction.is_some()));
+    vec3(h, e.anisotropic_direction.unwrap_or(Vec3::ZERO));
     match &e.shape {
         ShapeDesc::Sphere { radius } => {
             int(h, 0);
@@ -160,6 +162,7 @@ mod tests {
             name: name.to_owned(),
             transform: Transform::default(),
             material: None,
+            anisotropic_direction: None,
             shape,
         };
         SceneDesc {
