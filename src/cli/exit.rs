@@ -74,6 +74,12 @@ impl Failure {
     }
 }
 
+/// Shows errors without folding their lines, so that a path in one can be copied and a message searched for.
+pub fn hook_reports() {
+    // A hook that is set already shows errors too.
+    let _ = miette::set_hook(Box::new(|_| Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())));
+}
+
 /// Writes a line for people to stderr. A closed stderr is nobody's loss.
 pub fn talk(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");

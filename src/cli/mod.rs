@@ -29,6 +29,7 @@ use exit::{Exit, Failure, data, talk};
 /// Runs the command line of this process and says how it ended.
 pub fn main() -> ExitCode {
     exit::hook_panics();
+    exit::hook_reports();
     // The hook has said what there is to say; a panic must not look like a result.
     let ended = std::panic::catch_unwind(|| match Cli::try_parse() {
         Ok(cli) => verb(&cli).unwrap_or_else(|failure| {

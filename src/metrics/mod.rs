@@ -15,6 +15,7 @@ mod relmse;
 mod rmse;
 mod ssim;
 pub mod tonemap;
+pub mod ztest;
 
 use std::collections::BTreeMap;
 

@@ -66,6 +66,7 @@ pub fn lua() -> String {
         let more = if table.name == measure::MEASURE.name { &["---@field [string] Metric"] as &[_] } else { &[] };
         class(&mut out, &mut written, table, &parents, more);
     }
+    render_changes(&mut out, &integrators);
     constructors(&mut out, &mut written);
     functions(&mut out);
     material_paths(&mut out);
@@ -87,6 +88,16 @@ fn class(out: &mut String, written: &mut BTreeSet<&'static str>, table: &Table, 
         line(out, format_args!("---{}", field_line(field)));
     }
     more.iter().for_each(|m| line(out, format_args!("{m}")));
+    out.push('\n');
+}
+
+/// The render table once more with nothing required, for what a reference changes of it.
+fn render_changes(out: &mut String, integrators: &[&str]) {
+    line(out, format_args!("---What a reference changes of its cell's render table."));
+    line(out, format_args!("---@class RenderChanges: {}", integrators.join(", ")));
+    for field in render::RENDER.fields {
+        line(out, format_args!("---{}", field_line(&Field { required: false, default: "the cell's", ..*field })));
+    }
     out.push('\n');
 }
 

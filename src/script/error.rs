@@ -147,6 +147,7 @@ impl fmt::Debug for ScriptError {
 
 impl std::error::Error for ScriptError {}
 
+/// The help stands in the message itself, which logs show too; given here again, a report would say it twice.
 impl Diagnostic for ScriptError {
     fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         let code = match self.0.problem {
@@ -161,10 +162,6 @@ impl Diagnostic for ScriptError {
             Problem::Field { .. } => "script::field",
         };
         Some(Box::new(code))
-    }
-
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.0.help.as_ref().map(|h| Box::new(h) as Box<dyn fmt::Display>)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {

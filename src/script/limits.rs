@@ -68,7 +68,7 @@ impl Watch {
         }
         if self.expired.borrow().is_none() {
             let problem = Problem::Time { what: running.what, seconds: running.seconds };
-            let help = "a script only describes what to render; is there a loop that never ends?".to_owned();
+            let help = "a script only describes what to render; is there a loop that never ends?";
             self.expired.replace(Some(self.here(problem, help, sources)));
         }
         self.expired().map_or(Ok(()), Err)
@@ -79,11 +79,11 @@ impl Watch {
         self.expired.borrow().clone()
     }
 
-    /// An error at the last line that was seen, or at no line if none was.
-    pub fn here(&self, problem: Problem, help: String, sources: &Sources) -> ScriptError {
+    /// An error at the last line that was seen running, or about the whole script if none was.
+    pub fn here(&self, problem: Problem, help: &str, sources: &Sources) -> ScriptError {
         match &*self.last_seen.borrow() {
-            Some(place) => sources.error(place, problem, Some(help)),
-            None => ScriptError::new(&sources.get(0).file, problem, Some(help), None),
+            Some(place) => sources.error(place, problem, Some(help.to_owned())),
+            None => ScriptError::new(&sources.get(0).file, problem, Some(help.to_owned()), None),
         }
     }
 }

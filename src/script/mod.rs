@@ -85,7 +85,7 @@ pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
     api::register(&lua, &shared).map_err(|e| shared.convert(&e))?;
     let chunk = format!("@{}", shared.sources.borrow().get(0).chunk);
     let returned = shared.run("loading the script", limits.load_s, || {
-        lua.load(text.as_str()).set_name(chunk).set_mode(ChunkMode::Text).eval::<LuaValue>()
+        lua.load(text.as_str()).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(())
     })?;
     shared.loading.set(false);
     let spec = finish(&shared, &returned, path, text)?;

@@ -45,11 +45,16 @@ function xpcall(f, handler, ...)
   return handled(handler, passed(raw_pcall(f, ...)))
 end
 
--- Finalizers run where no limit reaches them.
+-- Finalizers run where no limit reaches them. Functions that close variables are taken away when a limit has passed,
+-- and for that every metatable is remembered as long as it lives.
+local metatables = raw_setmetatable({}, { __mode = "k" })
+native.metatables = metatables
+
 function setmetatable(t, meta)
   if type(meta) == "table" and rawget(meta, "__gc") ~= nil then
     error("finalizers (__gc) are not available in scripts", 2)
   end
+  if type(meta) == "table" then metatables[meta] = true end
   return raw_setmetatable(t, meta)
 end
 

@@ -68,7 +68,7 @@ pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, 
     let index = shared.sources.borrow_mut().add(&format!("{key}.lua"), &file, text.clone());
     let chunk = format!("@{}", shared.sources.borrow().get(index).chunk);
     shared.requiring.borrow_mut().push(key.clone());
-    let result = lua.load(text).set_name(chunk).set_mode(ChunkMode::Text).eval::<LuaValue>();
+    let result = lua.load(text).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(());
     shared.requiring.borrow_mut().pop();
     let value = match result.map_err(|e| shared.convert(&e))? {
         LuaValue::Nil => LuaValue::Boolean(true),

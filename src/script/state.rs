@@ -103,7 +103,7 @@ impl Shared {
                 let problem = Problem::Memory { mib: self.limits.memory >> 20 };
                 let help =
                     "a script only describes what to render; is there a table or a string that never stops growing?";
-                return self.watch.here(problem, help.to_owned(), &sources);
+                return self.watch.here(problem, help, &sources);
             }
             mlua::Error::SyntaxError { message, .. } => (message.clone(), true),
             mlua::Error::RuntimeError(message) => (message.clone(), false),
@@ -111,21 +111,30 @@ impl Shared {
         };
         let (message, trace) = text.split_once("\nstack traceback:").unwrap_or((&text, ""));
         let (place, message) = match sources.split_message(message) {
-            Some((place, message)) => (Some(place), message),
+            Some((place, message)) => (Some(place), message.to_owned()),
             None => {
-                let message = match message.strip_prefix("[lumbre]:").and_then(|m| m.split_once(": ")) {
-                    Some((_, message)) => message,
-                    None => message,
-                };
+                let message = own_words(message, trace);
                 (sources.in_traceback(trace).or_else(|| sources.in_traceback(&tracebacks)), message)
             }
         };
-        let message = shorten(message);
+        let message = shorten(&message);
         let problem = if is_syntax { Problem::Syntax { message } } else { Problem::Runtime { message } };
         match place {
             Some(place) => sources.error(&place, problem, None),
-            None => self.watch.here(problem, "the line is the last one that was seen running".to_owned(), &sources),
+            None => self.watch.here(problem, "Lua did not say in which line", &sources),
         }
+    }
+}
+
+/// A message from inside the prelude, where guarded library functions are all called `raw`, without that.
+fn own_words(message: &str, trace: &str) -> String {
+    let Some((_, message)) = message.strip_prefix("[lumbre]:").and_then(|m| m.split_once(": ")) else {
+        return message.to_owned();
+    };
+    let frame = trace.lines().find_map(|l| l.trim_start().strip_prefix("[lumbre]:")?.split_once("in function "));
+    match frame {
+        Some((_, name)) => message.replace("'raw'", name.trim()),
+        None => message.to_owned(),
     }
 }
 
@@ -185,16 +194,25 @@ pub fn new_state(shared: &Rc<Shared>) -> mlua::Result<Lua> {
             Ok(())
         })?,
     )?;
-    lua.load(include_str!("prelude.lua")).set_name("=[lumbre]").call::<()>(native)?;
+    lua.load(include_str!("prelude.lua")).set_name("=[lumbre]").call::<()>(&native)?;
+    let metatables: mlua::Table = native.raw_get("metatables")?;
+    let harmless: mlua::Function = lua.globals().raw_get("type")?;
     let watcher = Rc::clone(shared);
     lua.set_hook(HookTriggers::new().every_nth_instruction(INSTRUCTIONS), move |_, frame| {
-        match watcher.sources.try_borrow() {
-            Ok(sources) => watcher.watch.check(watcher.place_of(frame), &sources).map_err(mlua::Error::external)?,
-            Err(_) => return Ok(VmState::Continue),
-        }
-        Ok(VmState::Continue)
+        let Ok(sources) = watcher.sources.try_borrow() else { return Ok(VmState::Continue) };
+        let Err(expired) = watcher.watch.check(watcher.place_of(frame), &sources) else { return Ok(VmState::Continue) };
+        disarm(&metatables, &harmless)?;
+        Err(mlua::Error::external(expired))
     })?;
     Ok(lua)
+}
+
+/// Takes the functions away that would run when variables are closed: an error that leaves the hook closes them
+/// while no hook is active, so they could stay there for ever.
+fn disarm(metatables: &mlua::Table, harmless: &mlua::Function) -> mlua::Result<()> {
+    metatables.for_each(|meta: mlua::Table, _: LuaValue| {
+        if meta.raw_get::<LuaValue>("__close")?.is_nil() { Ok(()) } else { meta.raw_set("__close", harmless) }
+    })
 }
 
 /// Makes reading a name that `table` does not hold an error with the nearest name. `what` is how errors call the

@@ -161,6 +161,11 @@ impl LineSink {
     }
 
     fn wave(&mut self, cell: CellRef, row: &WaveRow, pow2: bool) {
+        let limit = self.model.stop_rule(cell).and_then(|rule| rule.sample_limit());
+        if limit.is_some_and(|limit| row.samples >= limit) {
+            // The line that the cell is done follows at once, with the same numbers.
+            return;
+        }
         let since = row.wall_s - self.spoken.get(&cell).copied().unwrap_or(0.0);
         if since >= SILENCE_S || (pow2 && since >= MILESTONE_S) {
             self.spoken.insert(cell, row.wall_s);

@@ -46,7 +46,7 @@ pub const REFERENCE: Table = Table {
     fields: &[
         Field {
             key: "from",
-            ty: Ty::Object("fun(p: Point): Render"),
+            ty: Ty::Object("fun(p: Point): RenderChanges"),
             required: false,
             default: "the cell's own render table",
             doc: "returns what differs from the cell's render table; `set`, `aa`, `camera` and `rr` are merged field by field",

@@ -97,6 +97,13 @@ pub const CAMERA: Table = Table {
             default: "",
             doc: "a point on the optical axis",
         },
+        Field {
+            key: "up",
+            ty: Ty::Nums { len: 3, min: -FAR, max: FAR },
+            required: false,
+            default: "",
+            doc: "the direction that is up in the picture",
+        },
     ],
 };
 

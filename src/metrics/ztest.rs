@@ -1,0 +1,175 @@
+//! Whether two estimates of one picture differ by more than their noise.
+//!
+//! Pixels of a path tracer are far from normal: most samples are black and few are bright. Sums over square blocks are
+//! nearly normal once enough samples are expected to have found light, so blocks are compared and those too dark for a
+//! test of their own are taken together as one.
+
+use crate::film::Image;
+use crate::math::stats::{normal_two_sided_p, sidak};
+
+/// An estimate of a picture: its mean, and the variance of that mean, both per pixel and channel.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate<'a> {
+    /// The picture.
+    pub mean: &'a Image,
+    /// The variance of the mean; zero where the picture is exact.
+    pub variance: &'a Image,
+}
+
+/// What the comparison found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ZTest {
+    /// Blocks and channels that were compared.
+    pub comparisons: usize,
+    /// The smallest p-value of a block.
+    pub worst_p: f64,
+    /// Column and row of the first pixel of that block, or `None` for the dark rest.
+    pub worst_at: Option<[u32; 2]>,
+    /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
+    pub ratio: f64,
+    /// Deviate of the difference of those sums.
+    pub z: f64,
+}
+
+impl ZTest {
+    /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests, over all blocks
+    /// [Sidak 1967]. The deviate of the sums counts as one comparison more.
+    pub fn agrees(&self, alpha: f64, tests: usize) -> bool {
+        let each = sidak(alpha, (self.comparisons + 1) * tests.max(1));
+        self.worst_p > each && normal_two_sided_p(self.z) > each
+    }
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    first: f64,
+    second: f64,
+    variance: f64,
+}
+
+impl Sums {
+    fn add(&mut self, other: Sums) {
+        self.first += other.first;
+        self.second += other.second;
+        self.variance += other.variance;
+    }
+
+    fn z(&self) -> f64 {
+        let difference = self.first - self.second;
+        if self.variance > 0.0 {
+            difference / self.variance.sqrt()
+        } else if difference.abs() <= 1e-5 * self.second.abs() {
+            // Two exact pictures may still differ by the rounding of single precision.
+            0.0
+        } else {
+            f64::INFINITY
+        }
+    }
+}
+
+/// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the second picture is
+/// below `bright_enough` are pooled.
+///
+/// Pixels right of and below the last whole block are left out.
+///
+/// # Panics
+/// When the sizes differ.
+pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> ZTest {
+    assert_eq!([first.mean.width, first.mean.height], [second.mean.width, second.mean.height], "sizes differ");
+    let [columns, rows] = [first.mean.width / block, first.mean.height / block];
+    let mut found = ZTest { comparisons: 0, worst_p: 1.0, worst_at: None, ratio: f64::NAN, z: 0.0 };
+    let mut judge = |sums: &Sums, at: Option<[u32; 2]>| {
+        found.comparisons += 1;
+        let p = normal_two_sided_p(sums.z());
+        if p < found.worst_p {
+            (found.worst_p, found.worst_at) = (p, at);
+        }
+    };
+    let mut dark = [Sums::default(); 3];
+    let mut whole = Sums::default();
+    for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+        for c in 0..3 {
+            let mut sums = Sums::default();
+            for (x, y) in (0..block * block).map(|i| (bx * block + i % block, by * block + i / block)) {
+                sums.add(Sums {
+                    first: f64::from(first.mean.at(x, y)[c]),
+                    second: f64::from(second.mean.at(x, y)[c]),
+                    variance: f64::from(first.variance.at(x, y)[c]) + f64::from(second.variance.at(x, y)[c]),
+                });
+            }
+            whole.add(sums);
+            if sums.second >= bright_enough {
+                judge(&sums, Some([bx * block, by * block]));
+            } else {
+                dark[c].add(sums);
+            }
+        }
+    }
+    dark.iter().filter(|sums| sums.first != 0.0 || sums.second != 0.0).for_each(|sums| judge(sums, None));
+    ZTest { ratio: whole.first / whole.second, z: whole.z(), ..found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::{normal, pcg4d, unit};
+
+    /// A flat picture of 1 with normal noise of variance 0.01 in every pixel, and a bias.
+    fn noisy(seed: u32, bias: f32) -> Image {
+        Image::from_fn(80, 60, |x, y| {
+            [0, 1, 2].map(|c| {
+                let w = pcg4d([x, y, c, seed]);
+                1.0 + bias + 0.1 * normal([unit(w[0]), unit(w[1])])
+            })
+        })
+    }
+
+    fn constant(v: f32) -> Image {
+        Image::from_fn(80, 60, |_, _| [v; 3])
+    }
+
+    fn test(a: &Image, b: &Image, variance: f32) -> ZTest {
+        let variance = constant(variance);
+        let zero = constant(0.0);
+        compare(Estimate { mean: a, variance: &variance }, Estimate { mean: b, variance: &zero }, 10, 1.0)
+    }
+
+    #[test]
+    fn noise_alone_agrees_and_p_values_are_honest() {
+        // Of 200 pictures with nothing but noise, about one in a hundred may be called different at 1 %.
+        let truth = constant(1.0);
+        let alarms = (0..200).filter(|s| !test(&noisy(*s, 0.0), &truth, 0.01).agrees(0.01, 1)).count();
+        assert!(alarms <= 7, "{alarms} of 200");
+    }
+
+    #[test]
+    fn a_small_bias_everywhere_is_found_by_the_sums() {
+        let t = test(&noisy(7, 0.01), &constant(1.0), 0.01);
+        assert!(!t.agrees(0.01, 1), "{t:?}");
+        assert!((t.ratio - 1.01).abs() < 0.005);
+    }
+
+    #[test]
+    fn a_wrong_block_is_found_and_placed() {
+        let mut image = noisy(8, 0.0);
+        for y in 20..30 {
+            for x in 50..60 {
+                image.data[y * 80 + x][1] += 0.1;
+            }
+        }
+        let t = test(&image, &constant(1.0), 0.01);
+        assert!(!t.agrees(0.01, 1));
+        assert_eq!(t.worst_at, Some([50, 20]));
+    }
+
+    #[test]
+    fn exact_pictures_are_compared_exactly_and_dark_ones_together() {
+        assert!(test(&constant(1.0), &constant(1.0), 0.0).agrees(0.01, 1));
+        assert!(!test(&constant(1.001), &constant(1.0), 0.0).agrees(0.01, 1));
+        let dark = test(&constant(0.001), &constant(0.0011), 1e-12);
+        assert_eq!((dark.comparisons, dark.worst_at), (3, None));
+        assert!(!dark.agrees(0.01, 1));
+        let black = test(&constant(0.0), &constant(0.0), 0.0);
+        assert!(black.agrees(0.01, 1) && black.comparisons == 0 && black.ratio.is_nan());
+    }
+}

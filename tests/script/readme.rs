@@ -1,0 +1,18 @@
+//! The script in the README is one that works.
+
+use lumbre::experiment::plan::{Overrides, expand};
+use lumbre::scene::load::load;
+
+#[test]
+fn the_readme_shows_a_script_that_can_be_planned() {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let text = readme.split("```lua\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("readme.lua");
+    std::fs::write(&file, text).unwrap();
+    let script = lumbre::script::load(&file).unwrap();
+    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path| load(path)).unwrap();
+    // Two scenes, four depths, three repeats; glass below four edges is left out.
+    assert_eq!(plan.cells.len(), (2 * 4 - 1) * 3);
+    assert_eq!(plan.skipped.len(), 1);
+}
