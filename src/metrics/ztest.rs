@@ -88,7 +88,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
     let mut dark = [Sums::default(); 3];
     let mut whole = Sums::default();
     for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
-        for c in 0..3 {
+        for (c, dark) in dark.iter_mut().enumerate() {
             let mut sums = Sums::default();
             for (x, y) in (0..block * block).map(|i| (bx * block + i % block, by * block + i / block)) {
                 sums.add(Sums {
@@ -101,7 +101,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
             if sums.second >= bright_enough {
                 judge(&sums, Some([bx * block, by * block]));
             } else {
-                dark[c].add(sums);
+                dark.add(sums);
             }
         }
     }

@@ -155,6 +155,7 @@ mod tests {
             points: Vec::new(),
             directionals: Vec::new(),
             environment: None,
+            tangents: Vec::new(),
             camera: CameraDesc {
                 position: Vec3::Z,
                 target: Vec3::ZERO,

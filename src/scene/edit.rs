@@ -141,6 +141,13 @@ pub const ENTITY_PARAMS: &[EntityParam] = &[
         applies: |_| true,
         set_checked: |e, v| e.material = v.as_str().map(str::to_owned),
     },
+    EntityParam {
+        name: "anisotropic_direction",
+        ty: Ty::Nums { len: 3, min: -1e6, max: 1e6 },
+        doc: "Replaces the material's direction of anisotropy on this entity; world space.",
+        applies: |_| true,
+        set_checked: |e, v| e.anisotropic_direction = Some(vector(v)),
+    },
 ];
 
 fn item(v: &Value, i: usize) -> f64 {

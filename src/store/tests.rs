@@ -50,7 +50,15 @@ fn scene() -> Arc<SceneDesc> {
         aperture: 0.0,
         focus_distance: None,
     };
-    Arc::new(SceneDesc { resolution: [8, 8], max_depth: 5, camera, materials: vec![], entities: vec![], lights: vec![], environment: None })
+    Arc::new(SceneDesc {
+        resolution: [8, 8],
+        max_depth: 5,
+        camera,
+        materials: vec![],
+        entities: vec![],
+        lights: vec![],
+        environment: None,
+    })
 }
 
 /// A plan whose cells have the given ids, none with a reference, and one rendered reference.

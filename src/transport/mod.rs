@@ -33,7 +33,11 @@
 //! Inexpensive BRDF Model for Physically-based Rendering. [Heitz 2019] A Low-Distortion Map Between Triangle and Square.
 //! [Giles 2010] Approximating the erfinv Function. [Harris 1978] On the Use of Windows for Harmonic Analysis with the
 //! Discrete Fourier Transform. [Burley 2020] Practical Hash-based Owen Scrambling. [Owen 1995] Randomly Permuted
-//! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube.
+//! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube. [Burley 2012] Physically
+//! Based Shading at Disney. [Walter et al. 2007] Microfacet Models for Refraction through Rough Surfaces. [Heitz 2014]
+//! Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. [Heitz 2018] Sampling the GGX Distribution of
+//! Visible Normals. [Dupuy & Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] the position of
+//! smooth-shaded points that hides the shadow terminator, as section 3.3 of the second source cites it.
 
 pub mod bsdf;
 pub mod camera;
@@ -45,9 +49,6 @@ pub mod ray;
 pub mod sampler;
 pub mod surface;
 pub mod vertex;
-
-/// A hit where the mask texture's red channel is below this is no hit (annex A of the `.scn` format).
-pub const MASK_THRESHOLD: f32 = 0.5;
 
 /// Russian roulette never lets a path survive with a probability above this, so that every path ends.
 pub const MAX_SURVIVAL: f32 = 0.95;

@@ -1,10 +1,14 @@
 //! From a hit to the surface that was hit.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::ray::{Hit, Ray, offset_origin};
+use crate::math::rng::{pcg4d, unit};
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, NONE, Texture};
+use crate::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
+
+/// A normal from a normal map that points behind the real surface is tilted until its cosine with it is this.
+const GRAZING_COSINE: f32 = 1e-3;
 
 /// A point on a surface with what shading needs of it.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +19,9 @@ pub struct Surface<'a> {
     pub n_geometric: Vec3,
     /// Unit shading normal on the same side.
     pub n_shading: Vec3,
+    /// World-space direction of the stretch of anisotropic highlights; not a unit vector, not orthogonal to the normal,
+    /// and zero where the material does not say or does not need any.
+    pub tangent: Vec3,
     /// Texture coordinates before tiling.
     pub uv: Vec2,
     /// The material row.
@@ -28,19 +35,19 @@ impl<'a> Surface<'a> {
     #[inline]
     pub fn at(scene: &'a CompiledScene, ray: &Ray, hit: &Hit) -> Surface<'a> {
         let i = hit.primitive as usize;
-        if i < scene.triangles.len() {
+        let mut surface = if i < scene.triangles.len() {
             let [a, b, c] = scene.triangles[i];
             let attributes = &scene.attributes[i];
             let [v, w] = hit.uv;
             let u = 1.0 - v - w;
             let n_geometric = (b - a).cross(c - a).normalize_or(-ray.dir);
             let [na, nb, nc] = attributes.normals;
-            let [ta, tb, tc] = attributes.uvs;
             Surface {
                 position: a * u + b * v + c * w,
                 n_geometric,
                 n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
-                uv: ta * u + tb * v + tc * w,
+                tangent: Vec3::ZERO,
+                uv: uv_at(scene, ray, hit),
                 material: &scene.materials[attributes.material as usize],
                 emitter: attributes.emitter,
             }
@@ -51,11 +58,80 @@ impl<'a> Surface<'a> {
                 position: sphere.center + n * sphere.radius,
                 n_geometric: n,
                 n_shading: n,
+                tangent: Vec3::ZERO,
                 uv: sphere_uv(n),
                 material: &scene.materials[sphere.material as usize],
                 emitter: sphere.emitter,
             }
+        };
+        if surface.material.shadow_terminator && i < scene.triangles.len() {
+            surface.hide_terminator(scene, ray, hit);
         }
+        if surface.material.uses_tangents() {
+            surface.orient(scene, hit);
+        }
+        surface
+    }
+
+    /// Moves the position onto the surface that the corner normals suggest, where that lies on the side the ray came
+    /// from: the point's projections onto the corners' tangent planes, interpolated [Vives]. Refractive materials
+    /// stay as they are, since a path that goes on inside would meet the surface again.
+    #[cold]
+    fn hide_terminator(&mut self, scene: &CompiledScene, ray: &Ray, hit: &Hit) {
+        let m = self.material;
+        if m.metallic < 1.0 && (m.opacity < 1.0 || m.opacity_texture != NONE) {
+            return;
+        }
+        let i = hit.primitive as usize;
+        let [v, w] = hit.uv;
+        let weights = [1.0 - v - w, v, w];
+        let mut lift = Vec3::ZERO;
+        for ((weight, corner), n) in weights.into_iter().zip(scene.triangles[i]).zip(scene.attributes[i].normals) {
+            lift -= n * ((self.position - corner).dot(n) * weight);
+        }
+        let facing = if ray.dir.dot(self.n_geometric) < 0.0 { self.n_geometric } else { -self.n_geometric };
+        if lift.dot(facing) > 0.0 {
+            self.position += lift;
+        }
+    }
+
+    /// Applies the normal map and finds the direction of anisotropy.
+    #[cold]
+    fn orient(&mut self, scene: &CompiledScene, hit: &Hit) {
+        let m = self.material;
+        let i = hit.primitive as usize;
+        // MikkTSpace decodes with interpolated vectors that are not made unit vectors again.
+        let mut n_axis = self.n_shading;
+        let (u_axis, v_axis) = if i < scene.triangles.len() {
+            let [v, w] = hit.uv;
+            let u = 1.0 - v - w;
+            let t = scene.tangents.get(i).map_or([Vec4::ZERO; 3], |t| *t);
+            let n = scene.attributes[i].normals;
+            n_axis = n[0] * u + n[1] * v + n[2] * w;
+            let across = |k: usize| n[k].cross(t[k].truncate()) * t[k].w;
+            let along = t[0] * u + t[1] * v + t[2] * w;
+            (along.truncate(), across(0) * u + across(1) * v + across(2) * w)
+        } else {
+            let n = self.n_shading;
+            let east = Vec3::new(n.z, 0.0, -n.x).normalize_or_zero();
+            (east, n.cross(east))
+        };
+        if m.normal_texture != NONE && u_axis != Vec3::ZERO {
+            let texel = lookup(&scene.textures, m.normal_texture, self.uv, m.tiling) * 2.0 - 1.0;
+            let n = u_axis * (texel.x * m.normal_strength) + v_axis * (texel.y * m.normal_strength) + n_axis * texel.z;
+            let n = n.normalize_or(self.n_shading);
+            let behind = n.dot(self.n_geometric) - GRAZING_COSINE;
+            self.n_shading =
+                if behind < 0.0 { (n - self.n_geometric * behind).normalize_or(self.n_geometric) } else { n };
+        }
+        self.tangent = if m.anisotropic_texture != NONE {
+            let texel = lookup(&scene.textures, m.anisotropic_texture, self.uv, m.tiling) * 2.0 - 1.0;
+            u_axis * texel.x + v_axis * texel.y
+        } else if m.anisotropic_direction != Vec3::ZERO {
+            m.anisotropic_direction
+        } else {
+            u_axis
+        };
     }
 
     /// Radiance emitted towards `wo`: the material's emission on the front side, black behind.
@@ -83,8 +159,66 @@ impl<'a> Surface<'a> {
 
 /// A texture's colour at texture coordinates, or white where there is no texture.
 #[inline]
-pub fn lookup(textures: &[Texture], texture: u32, uv: Vec2, tiling: f32) -> Vec3 {
-    if texture == NONE { Vec3::ONE } else { textures[texture as usize].bilinear(uv * tiling) }
+pub fn lookup(textures: &[Texture], texture: u32, uv: Vec2, tiling: UvMap) -> Vec3 {
+    if texture == NONE { Vec3::ONE } else { textures[texture as usize].bilinear(tiling.apply(uv)) }
+}
+
+/// A texture's red channel at texture coordinates, or `scalar` where there is no texture.
+#[inline]
+pub fn lookup_scalar(textures: &[Texture], texture: u32, uv: Vec2, tiling: UvMap, scalar: f32) -> f32 {
+    if texture == NONE { scalar } else { textures[texture as usize].bilinear(tiling.apply(uv)).x }
+}
+
+/// Texture coordinates at a hit of `ray`.
+#[inline]
+fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Vec2 {
+    let i = hit.primitive as usize;
+    match scene.attributes.get(i) {
+        Some(attributes) => {
+            let [a, b, c] = attributes.uvs;
+            let [v, w] = hit.uv;
+            a * (1.0 - v - w) + b * v + c * w
+        }
+        None => {
+            let sphere = &scene.spheres[i - scene.attributes.len()];
+            sphere_uv((ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir))
+        }
+    }
+}
+
+/// How much of a material there is at texture coordinates: 0 or 1 where its mask is compared with a threshold, the mask
+/// itself where it is blended. What traversal decides for a ray, on average.
+#[inline]
+pub fn coverage(textures: &[Texture], m: &Material, uv: Vec2) -> f32 {
+    if m.mask_texture == NONE {
+        return 1.0;
+    }
+    let mask = lookup(textures, m.mask_texture, uv, m.tiling).x;
+    match m.mask_mode {
+        MaskMode::Threshold => f32::from(u8::from(mask >= m.mask_threshold)),
+        MaskMode::Blend => mask.clamp(0.0, 1.0),
+    }
+}
+
+/// Whether the mask of the material that was hit says that there is nothing.
+///
+/// In blend mode this is decided by a hash of the ray and of the primitive, so that the same ray always finds the same
+/// holes, whatever thread asks, while rays of different samples see the mask's value on average.
+pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
+    let m = &scene.materials[scene.material_of(hit.primitive) as usize];
+    if m.mask_texture == NONE {
+        return false;
+    }
+    let covered = coverage(&scene.textures, m, uv_at(scene, ray, hit));
+    match m.mask_mode {
+        MaskMode::Threshold => covered == 0.0,
+        MaskMode::Blend => {
+            let [x, y, z] = ray.dir.to_array().map(f32::to_bits);
+            let directed = pcg4d([x, y, z, hit.primitive]);
+            let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
+            unit(pcg4d([x ^ directed[0], y ^ directed[1], z ^ directed[2], directed[3]])[0]) >= covered
+        }
+    }
 }
 
 /// Texture coordinates on a sphere: longitude about y in u, from the south pole to the north pole in v.

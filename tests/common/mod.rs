@@ -8,13 +8,32 @@ use glam::{Vec2, Vec3};
 use lumbre::film::Film;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Emitter, Material, NONE, Sphere, Texture, TriangleAttributes};
+use lumbre::scene::compile::{Emitter, MaskMode, Material, Model, NONE, Sphere, Texture, TriangleAttributes, UvMap};
 use lumbre::scene::desc::CameraDesc;
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
 
-/// A white, opaque, dielectric material that emits nothing.
+/// A white, opaque, ideal material that emits nothing.
 pub const WHITE: Material = Material {
+    model: Model::Lambert,
+    subsurface: 0.0,
+    specular_tint: 0.0,
+    anisotropic: 0.0,
+    anisotropic_direction: Vec3::ZERO,
+    sheen: 0.0,
+    sheen_tint: 0.0,
+    clearcoat: 0.0,
+    clearcoat_gloss: 1.0,
+    smooth_below: 0.01,
+    normal_strength: 1.0,
+    mask_threshold: 0.5,
+    mask_mode: MaskMode::Threshold,
+    shadow_terminator: false,
+    roughness_texture: NONE,
+    metallic_texture: NONE,
+    opacity_texture: NONE,
+    anisotropic_texture: NONE,
+    normal_texture: NONE,
     base_color: Vec3::ONE,
     emission: Vec3::ZERO,
     roughness: 1.0,
@@ -24,7 +43,7 @@ pub const WHITE: Material = Material {
     base_color_texture: NONE,
     emission_texture: NONE,
     mask_texture: NONE,
-    tiling: 1.0,
+    tiling: UvMap::IDENTITY,
     emitter_reflects: true,
 };
 
@@ -52,6 +71,7 @@ impl SceneBuilder {
                 content_hash: [0; 32],
                 triangles: Vec::new(),
                 attributes: Vec::new(),
+                tangents: Vec::new(),
                 spheres: Vec::new(),
                 materials: Vec::new(),
                 textures: Vec::new(),

@@ -180,6 +180,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             name: "ball".into(),
             transform: Transform::default(),
             material: Some("egg".into()),
+            anisotropic_direction: None,
             shape: ShapeDesc::Sphere { radius: 1.0 },
         }],
         lights: vec![],

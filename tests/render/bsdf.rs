@@ -12,7 +12,15 @@ use crate::common::WHITE;
 
 fn surface(material: &Material) -> Surface<'_> {
     let n = Vec3::new(0.36, 0.48, 0.8);
-    Surface { position: Vec3::ZERO, n_geometric: n, n_shading: n, uv: Default::default(), material, emitter: NONE }
+    Surface {
+        position: Vec3::ZERO,
+        n_geometric: n,
+        n_shading: n,
+        tangent: Vec3::ZERO,
+        uv: Default::default(),
+        material,
+        emitter: NONE,
+    }
 }
 
 fn corners() -> Vec<Material> {

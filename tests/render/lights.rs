@@ -7,7 +7,7 @@ use lumbre::math::rng::{pcg4d, unit};
 use lumbre::math::stats::chi_square_p;
 use lumbre::render::cpu::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::transport::light::{LightId, Lights};
+use lumbre::transport::light::{LightId, Lights, Select};
 use lumbre::transport::ray::Ray;
 
 use crate::common::{SceneBuilder, grey, job, light, mean_and_error, render};
@@ -31,7 +31,7 @@ fn uniform(i: u32) -> [f32; 4] {
 #[test]
 fn emitters_are_chosen_by_exact_area() {
     let scene = scene();
-    let lights = Lights::new(&scene);
+    let lights = Lights::with_select(&scene, Select::Area);
     let areas: Vec<f64> = scene.emitters.iter().map(|e| f64::from(e.area)).collect();
     let total: f64 = areas.iter().sum();
     assert!((lights.total_area() / total - 1.0).abs() < 1e-6);
@@ -39,10 +39,11 @@ fn emitters_are_chosen_by_exact_area() {
     let mut observed = vec![0.0; areas.len()];
     for i in 0..n {
         let u = uniform(i);
-        let (p, pdf_a) = lights.sample_area(&scene, u[0], [u[1], u[2]]).unwrap();
-        assert!((f64::from(pdf_a) * total - 1.0).abs() < 1e-4, "density is 1 / total area everywhere");
-        let LightId::Emitter(which) = p.light;
-        assert_eq!(lights.pdf_a(&scene, which), pdf_a);
+        let e = lights.sample_emission(&scene, u[0], [u[1], u[2]], [u[3], 0.5]).unwrap();
+        assert!((f64::from(e.pdf_a) * total - 1.0).abs() < 1e-4, "density is 1 / total area everywhere");
+        let LightId::Emitter(which) = e.point.light else { panic!("{:?}", e.point) };
+        let again = lights.pdf_emission(&scene, which, e.cos);
+        assert_eq!([again.pdf_a, again.pdf_w], [e.pdf_a, e.pdf_w]);
         observed[which as usize] += 1.0;
     }
     let expected: Vec<f64> = areas.iter().map(|a| a / total * f64::from(n)).collect();
@@ -66,7 +67,7 @@ fn sampled_and_found_light_agree() {
         let value = match lights.sample_direct(&scene, origin, u[0], [u[1], u[2]]) {
             Some(d) if d.wi.y > 0.0 && !accel.occluded(&Ray { origin, dir: d.wi }, d.distance * 0.999) => {
                 let at = d.point;
-                let LightId::Emitter(i) = at.light;
+                let LightId::Emitter(i) = at.light else { panic!("{at:?}") };
                 let again = lights.pdf_direct_w(&scene, origin, i, at.position, at.normal);
                 assert!((again / d.pdf_w - 1.0).abs() < 0.01, "{again} {}", d.pdf_w);
                 f64::from(0.8 / std::f32::consts::PI * d.radiance.x * d.wi.y / d.pdf_w)

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use lumbre::film::Image;
 use lumbre::metrics::ztest::{self, Estimate, ZTest};
 use lumbre::output::exr;
+use lumbre::scene::edit::set;
 use lumbre::scene::{compile, load};
 
 use crate::common::{job, render, shared};
@@ -20,8 +21,9 @@ fn image(path: &Path) -> Image {
 }
 
 /// Renders a `.scn` at the references' settings and compares it with one of them.
-fn compare(root: &Path, scene: &str, reference: &str, depth: u32, samples: u64) -> ZTest {
-    let (desc, _) = load::load(&root.join("scenes/vkraytracing").join(scene)).unwrap();
+fn compare(root: &Path, scene: &str, model: &str, reference: &str, depth: u32, samples: u64) -> ZTest {
+    let (mut desc, _) = load::load(&root.join("scenes/vkraytracing").join(scene)).unwrap();
+    set(&mut desc, "materials.*.model", &model.into()).unwrap();
     let (compiled, _) = compile(&desc).unwrap();
     let film = render(&Arc::new(compiled), job([320, 180], depth, 77), samples);
     let theirs = image(&root.join(format!("references/{reference}.exr")));
@@ -44,7 +46,7 @@ fn diffuse_cornell_box_equals_mitsuba_at_every_depth() {
     let depths = [1, 2, 3, 5];
     for depth in depths {
         let name = format!("cornellbox_original_diffuse_md{depth}");
-        let found = compare(&root, "cornellbox_original.scn", &name, depth, 48);
+        let found = compare(&root, "cornellbox_original.scn", "lambert", &name, depth, 48);
         assert!(found.comparisons > if depth == 1 { 3 } else { 100 }, "{found:?}");
         assert!(found.agrees(0.01, depths.len()), "depth {depth}: {found:?}");
     }

@@ -98,7 +98,12 @@ fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
 fn other_value(path: &str) -> Value {
     let last = path.rsplit('.').next().unwrap();
     if let Some(row) = MATERIAL_PARAMS.iter().find(|row| path.starts_with("materials.") && row.name == last) {
-        return if matches!(row.ty, Ty::Nums { .. }) { nums(&[0.25, 0.75, 0.125]) } else { Value::Num(0.375) };
+        return match row.ty {
+            Ty::Nums { len, .. } => nums(&[0.25, 0.75, 0.125][..len]),
+            Ty::Word(words) => words[1].into(),
+            Ty::Bool => Value::Bool(true),
+            _ => Value::Num(0.375),
+        };
     }
     match last {
         "resolution" => nums(&[12.0, 34.0]),
@@ -114,7 +119,7 @@ fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
     let base = content_hash(&scene());
     let mut seen = BTreeMap::from([(base, "nothing".to_owned())]);
     let all = paths(&scene());
-    assert_eq!(all.len(), 8 + 4 * MATERIAL_PARAMS.len() + 4 + 3);
+    assert_eq!(all.len(), 8 + 4 * MATERIAL_PARAMS.len() + 5 + 4);
     for path in all {
         let mut s = scene();
         set(&mut s, &path, &other_value(&path)).unwrap_or_else(|e| panic!("{e}"));

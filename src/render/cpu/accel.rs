@@ -14,9 +14,8 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::intersect::{self, ShearedRay};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::transport::MASK_THRESHOLD;
 use crate::transport::ray::{Hit, Ray};
-use crate::transport::surface::{Surface, lookup};
+use crate::transport::surface::is_masked_out;
 
 /// Entries of the traversal stack. A tree of four-wide nodes needs three for each level; [`Accel::build`] refuses what
 /// does not fit, which only a contrived scene reaches.
@@ -183,7 +182,7 @@ impl Accel {
             if count > 0 {
                 for slot in index as usize..(index + count) as usize {
                     let Some(hit) = self.intersect(slot, ray, &sheared, t_max) else { continue };
-                    if self.masked && self.is_masked_out(ray, &hit) {
+                    if self.masked && is_masked_out(&self.scene, ray, &hit) {
                         continue;
                     }
                     if ANY {
@@ -238,12 +237,5 @@ impl Accel {
             let t = intersect::sphere(&self.scene.spheres[primitive as usize - triangles], ray, t_max)?;
             Some(Hit { t, primitive, uv: [0.0; 2] })
         }
-    }
-
-    #[cold]
-    fn is_masked_out(&self, ray: &Ray, hit: &Hit) -> bool {
-        let surface = Surface::at(&self.scene, ray, hit);
-        let m = surface.material;
-        m.mask_texture != NONE && lookup(&self.scene.textures, m.mask_texture, surface.uv, m.tiling).x < MASK_THRESHOLD
     }
 }

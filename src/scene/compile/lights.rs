@@ -64,7 +64,8 @@ pub(super) fn compile(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<Compile
         match light.kind {
             LightKind::Point { position, intensity } => {
                 if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
-                    let problem = format!("its position {position} does not lie within {MAX_COORDINATE:e} of the origin");
+                    let problem =
+                        format!("its position {position} does not lie within {MAX_COORDINATE:e} of the origin");
                     return Err(fail(problem));
                 }
                 check_color("intensity", intensity).map_err(fail)?;

@@ -1,17 +1,13 @@
 //! Material rows and the textures they share.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Material, NONE, Texture};
+use super::{Material, NONE, Texture, UvMap};
 use crate::scene::Note;
-use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot};
-
-/// Up to this roughness a specular lobe looks like the smooth one that this version has: its GGX alpha is 0.0025.
-const SMOOTH_ROUGHNESS: f32 = 0.05;
+use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot};
 
 /// Rows for every material of the scene, and one default row for a scene without any.
 pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> (Vec<Material>, Vec<Texture>) {
@@ -26,16 +22,6 @@ pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> (Vec<Material>, V
 fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
     let shines = m.emission != Vec3::ZERO;
     let reflects = !shines || m.emitter_reflects;
-    if reflects && (m.metallic > 0.0 || m.opacity < 1.0) && m.roughness > SMOOTH_ROUGHNESS {
-        notes.push(Note {
-            file: PathBuf::new(),
-            place: format!("materials.{}.roughness", m.name),
-            message: format!(
-                "{} has no effect yet: metal and glass are smooth, and the opaque part is Lambertian",
-                m.roughness
-            ),
-        });
-    }
     let mut texture = |slot: TextureSlot, used: bool| match m.texture(slot) {
         Some(t) if used => bank.index(t, slot, notes),
         _ => NONE,
@@ -47,10 +33,29 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
         metallic: m.metallic,
         opacity: m.opacity,
         ior: m.ior,
+        model: m.model,
+        subsurface: m.subsurface,
+        specular_tint: m.specular_tint,
+        anisotropic: m.anisotropic,
+        anisotropic_direction: m.anisotropic_direction,
+        sheen: m.sheen,
+        sheen_tint: m.sheen_tint,
+        clearcoat: m.clearcoat,
+        clearcoat_gloss: m.clearcoat_gloss,
+        smooth_below: m.smooth_below,
+        normal_strength: m.normal_strength,
+        mask_threshold: m.mask_threshold,
+        mask_mode: m.mask_mode,
+        shadow_terminator: m.shadow_terminator,
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, shines),
         mask_texture: texture(TextureSlot::Mask, true),
-        tiling: m.tiling,
+        roughness_texture: texture(TextureSlot::Roughness, reflects && m.model == Model::Disney),
+        metallic_texture: texture(TextureSlot::Metallic, reflects),
+        opacity_texture: texture(TextureSlot::Opacity, reflects),
+        anisotropic_texture: texture(TextureSlot::AnisotropicDirection, reflects && m.anisotropic > 0.0),
+        normal_texture: texture(TextureSlot::Normal, reflects && m.normal_strength > 0.0),
+        tiling: UvMap { scale: m.tiling, offset: m.uv_offset },
         emitter_reflects: reflects,
     }
 }
@@ -66,14 +71,15 @@ struct Bank {
 impl Bank {
     fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
         // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
-        let bounded = slot == TextureSlot::BaseColor && matches!(desc.texels, Texels::RgbaF32(_));
+        let stays_in_range = !matches!(slot, TextureSlot::Emission | TextureSlot::Mask);
+        let bounded = stays_in_range && matches!(desc.texels, Texels::RgbaF32(_));
         *self.index.entry((desc.content_hash, slot.is_srgb(), bounded)).or_insert_with(|| {
             let mut texture = Texture::decode(desc, slot.is_srgb());
             if bounded && clamp(&mut texture) {
                 notes.push(Note {
                     file: desc.file.clone(),
                     place: "image".to_owned(),
-                    message: "it holds values outside 0 to 1, which no surface can reflect: they are clamped"
+                    message: "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped"
                         .to_owned(),
                 });
             }
@@ -96,6 +102,8 @@ fn clamp(texture: &mut Texture) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
     use crate::scene::desc::{CameraDesc, texture_hash};
 
@@ -113,10 +121,38 @@ mod tests {
             aperture: 0.0,
             focus_distance: None,
         };
-        let desc = SceneDesc { resolution: [1, 1], max_depth: 1, camera, materials, entities: vec![], lights: vec![], environment: None };
+        let desc = SceneDesc {
+            resolution: [1, 1],
+            max_depth: 1,
+            camera,
+            materials,
+            entities: vec![],
+            lights: vec![],
+            environment: None,
+        };
         let mut notes = Vec::new();
         let (rows, textures) = rows(&desc, &mut notes);
         (rows, textures, notes)
+    }
+
+    #[test]
+    fn data_textures_are_linear_and_share_their_texels() {
+        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]]));
+        let mut m = MaterialDesc { anisotropic: 0.5, ..MaterialDesc::new("m") };
+        m.textures = vec![
+            (TextureSlot::Roughness, grey()),
+            (TextureSlot::Metallic, grey()),
+            (TextureSlot::Opacity, grey()),
+            (TextureSlot::AnisotropicDirection, grey()),
+            (TextureSlot::Normal, grey()),
+        ];
+        let (rows, textures, _) = compiled(vec![m]);
+        assert_eq!(textures.len(), 1);
+        assert_eq!(textures[0].texels[0], [128.0 / 255.0; 3]);
+        let r = rows[0];
+        let used =
+            [r.roughness_texture, r.metallic_texture, r.opacity_texture, r.anisotropic_texture, r.normal_texture];
+        assert_eq!(used, [0; 5]);
     }
 
     #[test]

@@ -82,6 +82,8 @@ fn material(h: &mut Hasher, m: &MaterialDesc) {
 fn entity(h: &mut Hasher, desc: &SceneDesc, e: &EntityDesc) {
     let row = |name: &str| desc.material_row(name).unwrap_or(0) as u64;
     vec3(h, e.transform.translate);
+    int(h, u64::from(e.anisotropic_direction.is_some()));
+    vec3(h, e.anisotropic_direction.unwrap_or(Vec3::ZERO));
     match &e.shape {
         ShapeDesc::Sphere { radius } => {
             int(h, 0);
@@ -189,6 +191,7 @@ mod tests {
             name: name.to_owned(),
             transform: Transform::default(),
             material: None,
+            anisotropic_direction: None,
             shape,
         };
         SceneDesc {

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
-pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+pub use material::{MATERIAL_PARAMS, MaskMode, MaterialDesc, Model, TextureSlot};
 
 /// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";
@@ -92,6 +92,8 @@ pub struct EntityDesc {
     pub transform: Transform,
     /// A material that replaces all the shape's own.
     pub material: Option<String>,
+    /// Replaces the material's `anisotropic_direction` on this entity, in world space.
+    pub anisotropic_direction: Option<Vec3>,
     /// What it is.
     pub shape: ShapeDesc,
 }

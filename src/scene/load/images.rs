@@ -27,7 +27,9 @@ pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneErro
     let malformed = |problem: String| SceneError::Malformed {
         file: path.to_owned(),
         place: "image".to_owned(),
-        problem: format!("{problem} (PNG, JPEG, BMP, HDR and EXR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"),
+        problem: format!(
+            "{problem} (PNG, JPEG, BMP, HDR and EXR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"
+        ),
     };
     let bytes = read(path, MAX_TEXTURE_BYTES)?;
     if bytes.starts_with(&openexr::MAGIC) {

@@ -1,25 +1,39 @@
 //! The BSDF: a mixture of lobes chosen by the material's parameters.
 //!
-//! | weight | lobe |
-//! |---|---|
-//! | (1 - metallic) opacity | [`lambert`]: ideal diffuse reflection |
-//! | metallic | [`mirror`]: ideal specular reflection off a metal |
-//! | (1 - metallic) (1 - opacity) | [`dielectric`]: ideal specular reflection and refraction |
+//! | weight | lobes of the model `disney` ([`disney`]) | of the model `lambert` ([`ideal`]) |
+//! |---|---|---|
+//! | (1 - metallic) opacity | [`diffuse`] with sheen, and a [`ggx`] reflection over it with exact Fresnel | [`lambert`] |
+//! | metallic | [`ggx`] reflection with Schlick's reflectance | [`mirror`] |
+//! | (1 - metallic) (1 - opacity) | [`ggx`] reflection and refraction with exact Fresnel | [`dielectric`] |
+//! | clearcoat / 4, over all of these | [`clearcoat`] | |
 //!
-//! Directions are in the local frame whose z axis is the shading normal on the front side.
+//! Below the roughness `smooth_below` the GGX lobes are Dirac lobes.
+//!
+//! Directions are in the local frame whose z axis is the shading normal on the front side, and whose x axis is the
+//! direction in which anisotropic highlights are stretched. Opaque surfaces are two-sided.
 
+pub mod clearcoat;
 pub mod dielectric;
+pub mod diffuse;
+pub mod disney;
 pub mod fresnel;
+pub mod ggx;
+pub mod ideal;
 pub mod lambert;
 pub mod mirror;
 
 use glam::Vec3;
 
-use super::surface::Surface;
+use self::clearcoat::Clearcoat;
+use self::diffuse::Diffuse;
+use self::disney::Disney;
+use self::ggx::Ggx;
+use self::ideal::Ideal;
+use super::surface::{Surface, lookup_scalar};
 use crate::math::Frame;
-use crate::scene::compile::Texture;
+use crate::scene::compile::{Model, Texture};
 
-/// What is transported: it decides how refraction scales [Veach 1997, 5.2].
+/// What is transported: it decides how refraction scales [Veach 1997, 5.2] and what a shading normal does [5.3].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Radiance, along camera paths.
@@ -37,6 +51,24 @@ pub struct LobeSample {
     pub weight: Vec3,
     /// Index ratio crossed: inside over outside when entering, its inverse when leaving, 1 when reflected.
     pub eta: f32,
+}
+
+/// A sampled direction of a mixture in the local frame; the weight is that of the mixture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Local {
+    /// Direction, weight and index ratio.
+    pub sample: LobeSample,
+    /// Density of the mixture, or the probability of the choice where `delta`.
+    pub pdf_w: f32,
+    /// Whether the lobe is a Dirac.
+    pub delta: bool,
+}
+
+impl Local {
+    #[inline]
+    fn new(sample: LobeSample, pdf_w: f32, delta: bool) -> Local {
+        Local { sample, pdf_w, delta }
+    }
 }
 
 /// A sampled direction in world space.
@@ -59,10 +91,13 @@ pub struct BsdfSample {
 pub struct Bsdf {
     frame: Frame,
     n_geometric: Vec3,
-    base_color: Vec3,
-    ior: f32,
-    /// Probabilities of Lambert, mirror and dielectric; they are also the mixture's weights.
-    mix: [f32; 3],
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Ideal(Ideal),
+    Disney(Disney),
 }
 
 impl Bsdf {
@@ -70,66 +105,138 @@ impl Bsdf {
     #[inline]
     pub fn new(surface: &Surface, textures: &[Texture]) -> Bsdf {
         let m = surface.material;
-        let dielectric = 1.0 - m.metallic;
-        Bsdf {
-            frame: Frame::from_normal(surface.n_shading),
-            n_geometric: surface.n_geometric,
-            base_color: surface.base_color(textures),
-            ior: m.ior,
-            mix: [dielectric * m.opacity, m.metallic, dielectric * (1.0 - m.opacity)],
-        }
+        let scalar = |texture, value| lookup_scalar(textures, texture, surface.uv, m.tiling, value);
+        let base_color = surface.base_color(textures);
+        let metallic = scalar(m.metallic_texture, m.metallic);
+        let opacity = scalar(m.opacity_texture, m.opacity);
+        let dielectric = 1.0 - metallic;
+        let [opaque, refractive] = [dielectric * opacity, dielectric * (1.0 - opacity)];
+        let kind = match m.model {
+            Model::Lambert => Kind::Ideal(Ideal { base_color, ior: m.ior, mix: [opaque, metallic, refractive] }),
+            Model::Disney => {
+                let roughness = scalar(m.roughness_texture, m.roughness);
+                let hue = |part: f32| if part > 0.0 { Vec3::ONE.lerp(hue_of(base_color), part) } else { Vec3::ONE };
+                let tinted_f0 =
+                    (m.specular_tint > 0.0).then(|| (hue(m.specular_tint) * disney::f0_of(m.ior)).min(Vec3::ONE));
+                Kind::Disney(Disney {
+                    base_color,
+                    opaque,
+                    metallic,
+                    refractive,
+                    ior: m.ior,
+                    tinted_f0,
+                    diffuse: Diffuse {
+                        base_color,
+                        roughness,
+                        subsurface: m.subsurface,
+                        sheen: if m.sheen > 0.0 { hue(m.sheen_tint) * m.sheen } else { Vec3::ZERO },
+                    },
+                    ggx: Ggx::new(roughness, m.anisotropic),
+                    smooth: roughness < m.smooth_below,
+                    coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss),
+                })
+            }
+        };
+        Bsdf { frame: frame(surface), n_geometric: surface.n_geometric, kind }
     }
 
     /// Value `f` without cosine, of the lobes that have one: Dirac lobes evaluate to zero.
-    pub fn eval(&self, wo: Vec3, wi: Vec3, _mode: Mode) -> Vec3 {
-        match self.local_pair(wo, wi) {
-            Some((o, i)) => lambert::eval(self.base_color, o, i) * self.mix[0],
-            None => Vec3::ZERO,
+    ///
+    /// For [`Mode::Importance`], where `wo` is where the light came from, it includes the correction of shading normals
+    /// [Veach 1997, 5.3], so that both modes are multiplied by the cosine of `wi` with the shading normal.
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3, mode: Mode) -> Vec3 {
+        let Some((o, i)) = self.local_pair(wo, wi) else { return Vec3::ZERO };
+        let f = match &self.kind {
+            Kind::Ideal(k) => k.eval(o, i),
+            Kind::Disney(k) => k.eval(o, i, mode),
+        };
+        match mode {
+            Mode::Radiance => f,
+            Mode::Importance => f * self.adjoint(wo, wi, o, i),
         }
     }
 
     /// Density per solid angle with which [`Bsdf::sample`] returns `wi`, Dirac lobes left out.
+    #[inline]
     pub fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.local_pair(wo, wi).map_or(0.0, |(o, i)| lambert::pdf_w(o, i) * self.mix[0])
+        self.local_pair(wo, wi).map_or(0.0, |(o, i)| match &self.kind {
+            Kind::Ideal(k) => k.pdf_w(o, i),
+            Kind::Disney(k) => k.pdf_w(o, i),
+        })
     }
 
     /// Whether any lobe has a density, so that a connection to a light can carry something.
+    #[inline]
     pub fn has_density(&self) -> bool {
-        self.mix[0] > 0.0
+        match &self.kind {
+            Kind::Ideal(k) => k.mix[0] > 0.0,
+            Kind::Disney(k) => k.has_density(),
+        }
     }
 
     /// Samples a direction; `None` where nothing is reflected. `u` chooses the lobe and, in the dielectric, between
     /// reflection and refraction; `v` chooses within a lobe that has a density.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<BsdfSample> {
-        let local_wo = self.frame.to_local(wo);
-        let [diffuse, metal, glass] = self.mix;
-        let (sample, pdf_w, delta) = if u < diffuse {
-            let s = lambert::sample(self.base_color, local_wo, v)?;
-            (s, diffuse * lambert::pdf_w(local_wo, s.wi), false)
-        } else if u < diffuse + metal || glass <= 0.0 {
-            (mirror::sample(self.base_color, local_wo), metal, true)
-        } else {
-            let rest = ((u - diffuse - metal) / glass).clamp(0.0, 1.0);
-            let (s, probability) = dielectric::sample(self.base_color, self.ior, local_wo, rest, mode)?;
-            (s, glass * probability, true)
+        let o = self.frame.to_local(wo);
+        let Local { sample, pdf_w, delta } = match &self.kind {
+            Kind::Ideal(k) => k.sample(o, u, v, mode)?,
+            Kind::Disney(k) => k.sample(o, u, v, mode)?,
         };
         let wi = self.frame.to_world(sample.wi);
-        // A shading normal can lift a direction through the real surface: such light does not exist.
-        let refracted = sample.wi.z * local_wo.z < 0.0;
-        let crosses = wi.dot(self.n_geometric) * wo.dot(self.n_geometric) < 0.0;
-        (crosses == refracted && pdf_w > 0.0).then_some(BsdfSample {
-            wi,
-            weight: sample.weight,
-            pdf_w,
-            delta,
-            eta: sample.eta,
-        })
+        if pdf_w <= 0.0 || !self.agrees(wo, o) || !self.agrees(wi, sample.wi) {
+            return None;
+        }
+        let weight = match mode {
+            Mode::Radiance => sample.weight,
+            Mode::Importance => sample.weight * self.adjoint(wo, wi, o, sample.wi),
+        };
+        Some(BsdfSample { wi, weight, pdf_w, delta, eta: sample.eta })
     }
 
-    /// Both directions in the local frame, if the real surface allows light to be reflected between them.
-    fn local_pair(&self, wo: Vec3, wi: Vec3) -> Option<(Vec3, Vec3)> {
-        let same_side = wo.dot(self.n_geometric) * wi.dot(self.n_geometric) > 0.0;
-        same_side.then(|| (self.frame.to_local(wo), self.frame.to_local(wi)))
+    /// Whether a direction is on the same side of the real surface and of the one that the shading normal suggests.
+    /// Where it is not, light would leak through or an inside be taken for an outside: such directions are black.
+    #[inline]
+    fn agrees(&self, w: Vec3, local: Vec3) -> bool {
+        w.dot(self.n_geometric) * local.z > 0.0
     }
+
+    /// Both directions in the local frame, if the real surface allows light between them.
+    #[inline]
+    fn local_pair(&self, wo: Vec3, wi: Vec3) -> Option<(Vec3, Vec3)> {
+        let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
+        (self.agrees(wo, o) && self.agrees(wi, i)).then_some((o, i))
+    }
+
+    /// |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|): light arrives on the real surface, but a camera path weighs it
+    /// with the shading normal's cosine [Veach 1997, equation 5.19].
+    #[inline]
+    fn adjoint(&self, wo: Vec3, wi: Vec3, o: Vec3, i: Vec3) -> f32 {
+        if self.frame.n == self.n_geometric {
+            return 1.0;
+        }
+        let factor = (o.z * wi.dot(self.n_geometric)) / (wo.dot(self.n_geometric) * i.z);
+        if factor.is_finite() { factor.abs() } else { 0.0 }
+    }
+}
+
+/// The local frame: its x axis along the direction of anisotropy, where there is one.
+#[inline]
+fn frame(surface: &Surface) -> Frame {
+    let n = surface.n_shading;
+    if surface.tangent != Vec3::ZERO {
+        let across = n.cross(surface.tangent);
+        if let Some(t) = across.try_normalize() {
+            return Frame { s: t.cross(n), t, n };
+        }
+    }
+    Frame::from_normal(n)
+}
+
+/// A colour of luminance 1 with the hue of the given one; white for black.
+#[inline]
+fn hue_of(c: Vec3) -> Vec3 {
+    let luminance = c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    if luminance > 0.0 { c / luminance } else { Vec3::ONE }
 }

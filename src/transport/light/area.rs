@@ -5,9 +5,8 @@ use glam::{Vec2, Vec3};
 use super::{DirectSample, LightId, LightPoint};
 use crate::math::warp;
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, NONE, Sphere};
-use crate::transport::MASK_THRESHOLD;
-use crate::transport::surface::{lookup, sphere_uv};
+use crate::scene::compile::{Material, Sphere};
+use crate::transport::surface::{coverage, lookup, sphere_uv};
 
 /// The sphere that emitter `i` is, if it is one.
 #[inline]
@@ -61,14 +60,11 @@ pub(super) fn pdf_direct_w(scene: &CompiledScene, i: u32, from: Vec3, at: Vec3, 
     if cos > 0.0 { d2 / (cos * scene.emitters[i as usize].area) } else { 0.0 }
 }
 
-/// Radiance of the front of emitter `i` at texture coordinates; black where the mask makes it no surface.
+/// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.
 #[inline]
 pub(super) fn emission(scene: &CompiledScene, i: u32, uv: Vec2) -> Vec3 {
     let m = material(scene, i);
-    if m.mask_texture != NONE && lookup(&scene.textures, m.mask_texture, uv, m.tiling).x < MASK_THRESHOLD {
-        return Vec3::ZERO;
-    }
-    m.emission * lookup(&scene.textures, m.emission_texture, uv, m.tiling)
+    m.emission * coverage(&scene.textures, m, uv) * lookup(&scene.textures, m.emission_texture, uv, m.tiling)
 }
 
 /// The material of emitter `i`.

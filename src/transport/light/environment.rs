@@ -44,8 +44,7 @@ impl Surroundings {
             return (power > 0.0).then_some(Surroundings { radiance, map: None, power });
         };
         let (width, height) = (texture.width as usize, texture.height as usize);
-        let row_cos: Vec<f64> =
-            (0..=height).map(|y| (std::f64::consts::PI * y as f64 / height as f64).cos()).collect();
+        let row_cos: Vec<f64> = (0..=height).map(|y| (std::f64::consts::PI * y as f64 / height as f64).cos()).collect();
         let mut weights = cell_means(texture, radiance);
         let mut power = 0.0;
         for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {

@@ -295,9 +295,7 @@ impl Lights {
                 }
             }
             LightId::Point(i) => point::sample_emission(&scene.points[i as usize], i, v),
-            LightId::Directional(i) => {
-                directional::sample_emission(&scene.directionals[i as usize], i, &self.ball, u)
-            }
+            LightId::Directional(i) => directional::sample_emission(&scene.directionals[i as usize], i, &self.ball, u),
             LightId::Environment => {
                 let (from, pdf_w) = self.surroundings.as_ref()?.sample(v);
                 EmissionSample {

@@ -61,6 +61,7 @@ pub(super) fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
             name,
             transform: Transform::default(),
             material: None,
+            anisotropic_direction: None,
             shape: ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
         }],
         lights: Vec::new(),

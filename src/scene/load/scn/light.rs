@@ -13,12 +13,7 @@ use crate::value::suggest;
 const LIGHT_TYPES: [&str; 2] = ["point", "directional"];
 
 /// Reads one entry of `lights`.
-pub(super) fn read(
-    place: &str,
-    json: &Json,
-    names: &mut Names,
-    report: &mut Report,
-) -> Result<LightDesc, SceneError> {
+pub(super) fn read(place: &str, json: &Json, names: &mut Names, report: &mut Report) -> Result<LightDesc, SceneError> {
     let mut object = Object::new(place, json, report)?;
     let Some((at, what)) = object.string("type", report)? else {
         return Err(report.error(place, "a light needs a `type`: point or directional"));

@@ -12,6 +12,7 @@
 //! - Faces without `usemtl` have the mesh's `default_material`, else the scene's material `default_material`, else a
 //!   white rough one. An unknown name means the scene's first material. `.mtl` files are not read.
 //! - Texture coordinates start at the bottom left; colour textures are decoded from sRGB, data textures are not.
+//! - `anisotropic_direction` of an entity replaces that of its material, on meshes too.
 //!
 //! `antialiasing_radius` belongs to the camera there; here the script's `aa` decides, so it becomes a [`Note`], as
 //! does everything else that cannot be honoured. An entity may have a `name`, which is an addition of Lumbre; entities
@@ -217,11 +218,13 @@ impl Entities {
         };
         let material = object.string("material", report)?.map(|(_, name)| name.to_owned());
         let given = object.string("name", report)?.map(|(_, name)| name.to_owned());
+        let anisotropic_direction = object.vec3("anisotropic_direction", report)?;
         let (entity, stem) = match what {
             "mesh" => {
                 let mesh = self.mesh(place, &mut object, report)?;
                 let stem = mesh.file.file_stem().map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
-                (EntityDesc { name: String::new(), transform, material, shape: ShapeDesc::Mesh(mesh) }, stem)
+                let shape = ShapeDesc::Mesh(mesh);
+                (EntityDesc { name: String::new(), transform, material, anisotropic_direction, shape }, stem)
             }
             "sphere" => {
                 let radius = sphere_radius(place, &mut object, report)?;
@@ -231,7 +234,8 @@ impl Entities {
                 let transform = Transform { translate: transform.translate, ..Transform::default() };
                 let material = Some(material.unwrap_or_else(|| DEFAULT_MATERIAL.to_owned()));
                 let shape = ShapeDesc::Sphere { radius };
-                (EntityDesc { name: String::new(), transform, material, shape }, "sphere".to_owned())
+                let name = String::new();
+                (EntityDesc { name, transform, material, anisotropic_direction, shape }, "sphere".to_owned())
             }
             other => {
                 let help = match suggest::nearest(other, ENTITY_TYPES) {
@@ -241,13 +245,8 @@ impl Entities {
                 return Err(report.error(at, format!("unknown type of entity `{}` ({help})", shorten(other))));
             }
         };
-        for (key, why) in [
-            ("inverted_normal", "it never had an effect in the program that it was written for either: ignored"),
-            ("anisotropic_direction", "known, but it has no effect yet: ignored"),
-        ] {
-            if let Some((at, _)) = object.take(key) {
-                report.note(at, why);
-            }
+        if let Some((at, _)) = object.take("inverted_normal") {
+            report.note(at, "it never had an effect in the program that it was written for either: ignored");
         }
         let misplaced: &[&str] = if what == "mesh" { &["radius"] } else { &["file", "default_material"] };
         for key in misplaced {

@@ -7,7 +7,7 @@ use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::integrator::Context;
-use crate::transport::light::LightPoint;
+use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -146,7 +146,8 @@ impl Subpaths {
         };
         walk(context, h, Mode::Importance, departure, max_edges, sampler, &mut self.light);
         if let Some(first) = self.light.first_mut() {
-            let crate::transport::light::LightId::Emitter(i) = e.point.light;
+            // Only surfaces can be sampled from elsewhere by another density than they start paths with.
+            let LightId::Emitter(i) = e.point.light else { return };
             let lights = context.lights;
             let direct_w = lights.pdf_direct_w(context.scene, first.position, i, e.point.position, e.point.normal);
             first.chain.joint = h.term(f64::from(direct_w * first.back) / f64::from(e.pdf_a));
