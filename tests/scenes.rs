@@ -12,6 +12,8 @@ mod edit;
 mod obj;
 #[path = "scenes/scn.rs"]
 mod scn;
+#[path = "scenes/textures.rs"]
+mod textures;
 #[path = "scenes/third_party.rs"]
 mod third_party;
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::experiment::CellConfig;
 use crate::render::BACKENDS;
+use crate::scene::desc::TextureSlot;
 use crate::transport::camera::{FILTER_NAMES, FilterKind, FilterSpec};
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::value::Value;
@@ -238,7 +239,7 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
         resolution: resolution(&common, path)?,
         rr_start: integer(inner(&common, "rr", "start")),
         filter: filter(&common),
-        set: changes(&common, path)?,
+        set: changes(&common, folder, path)?,
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
     })
 }
@@ -308,7 +309,7 @@ fn filter(map: &BTreeMap<String, Value>) -> FilterSpec {
 }
 
 /// `set` and `camera` together: every change to the scene, by path.
-fn changes(map: &BTreeMap<String, Value>, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
+fn changes(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
     let mut changes = BTreeMap::new();
     match map.get("set") {
         None => {}
@@ -316,7 +317,14 @@ fn changes(map: &BTreeMap<String, Value>, path: &str) -> Result<BTreeMap<String,
         Some(Value::Map(set)) => {
             for (key, value) in set {
                 check_change(key, value, path)?;
-                changes.insert(key.clone(), value.clone());
+                let value = match value {
+                    Value::Str(file) if names_texture(key) && !file.is_empty() => {
+                        let found = find_file(file, folder, &format!("{path}.set.{key}"), key)?;
+                        Value::Str(found.to_string_lossy().into_owned())
+                    }
+                    other => other.clone(),
+                };
+                changes.insert(key.clone(), value);
             }
         }
         Some(other) => {
@@ -340,6 +348,12 @@ fn changes(map: &BTreeMap<String, Value>, path: &str) -> Result<BTreeMap<String,
         }
     }
     Ok(changes)
+}
+
+/// Whether a change puts a file into a texture slot of a material.
+fn names_texture(change: &str) -> bool {
+    change.starts_with("materials.")
+        && change.rsplit('.').next().is_some_and(|param| TextureSlot::from_name(param).is_some())
 }
 
 fn check_change(key: &str, value: &Value, path: &str) -> Result<(), SchemaError> {
