@@ -6,6 +6,8 @@ mod common;
 
 #[path = "render/agreement.rs"]
 mod agreement;
+#[path = "render/agreement_surfaces.rs"]
+mod agreement_surfaces;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/camera.rs"]
@@ -22,3 +24,5 @@ mod intersection;
 mod lights;
 #[path = "render/references.rs"]
 mod references;
+#[path = "render/surface.rs"]
+mod surface;
