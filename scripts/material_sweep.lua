@@ -21,8 +21,8 @@ local rows = {
   anisotropic = { "anisotropic", 0, 1, { base_color = gold, roughness = 0.4, metallic = 1.0 } },
   specular = { "ior", 1.02, 2, { base_color = { 0.1, 0.25, 0.12 }, roughness = 0.0 } },
   specular_tint = { "specular_tint", 0, 1, { base_color = { 0.9, 0.35, 0.1 }, roughness = 0.2, ior = 2.0 } },
-  sheen = { "sheen", 0, 1, { base_color = { 0.35, 0.04, 0.04 }, roughness = 1.0 } },
-  sheen_tint = { "sheen_tint", 0, 1, { base_color = { 0.06, 0.08, 0.4 }, roughness = 1.0, sheen = 1.0 } },
+  sheen = { "sheen", 0, 1, { base_color = { 0.1, 0.01, 0.01 }, roughness = 1.0 } },
+  sheen_tint = { "sheen_tint", 0, 1, { base_color = { 0.015, 0.02, 0.1 }, roughness = 1.0, sheen = 1.0 } },
   opacity = { "opacity", 0, 1, { base_color = { 0.8, 0.8, 0.8 }, roughness = 0.0, ior = 1.02 } },
   ior = { "ior", 1.02, 2, { base_color = white, roughness = 0.0, opacity = 0.0 } },
 }

@@ -87,6 +87,11 @@ impl SceneBuilder {
         }
     }
 
+    /// How many triangles there are so far.
+    pub fn triangle_count(&self) -> usize {
+        self.scene.triangles.len()
+    }
+
     /// Adds a texture and returns its index.
     pub fn texture(&mut self, texture: Texture) -> u32 {
         self.scene.textures.push(texture);

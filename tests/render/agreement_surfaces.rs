@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
+use lumbre::render::cpu::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, Model, Texture, UvMap};
+use lumbre::scene::compile::{DirectionalLight, MaskMode, Material, Model, Texture, UvMap};
+use lumbre::transport::integrator::integrator;
+use lumbre::transport::ray::Ray;
+use lumbre::transport::surface::Surface;
 
 use crate::agreement::{EYE, agree, room};
-use crate::common::{SceneBuilder, WHITE, grey, light};
+use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
 /// A map of bumps: normals tilted by up to 45 degrees in every direction.
 fn bumps() -> Texture {
@@ -60,4 +64,82 @@ fn masked_leaves() {
             .build();
         agree(&scene, 5, None, 1200);
     }
+}
+
+/// Adds a coarse ball of eight by five quads with smooth normals.
+fn coarse_ball(mut builder: SceneBuilder, center: Vec3, radius: f32, material: Material) -> Arc<CompiledScene> {
+    let first = builder.triangle_count();
+    let point = |i: usize, j: usize| {
+        let (a, b) = (i as f32 / 8.0 * std::f32::consts::TAU, j as f32 / 5.0 * std::f32::consts::PI);
+        Vec3::new(b.sin() * a.sin(), b.cos(), b.sin() * a.cos())
+    };
+    let mut normals = Vec::new();
+    for i in 0..8 {
+        for j in 0..5 {
+            let [a, b, c, d] = [point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)];
+            for corners in [[a, b, c], [a, c, d]] {
+                if (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() > 1e-3 {
+                    builder = builder.triangle(corners.map(|p| center + p * radius), [Vec2::ZERO; 3], material);
+                    normals.push(corners);
+                }
+            }
+        }
+    }
+    let mut scene = Arc::unwrap_or_clone(builder.build());
+    for (attributes, normals) in scene.attributes[first..].iter_mut().zip(normals) {
+        attributes.normals = normals;
+    }
+    Arc::new(scene)
+}
+
+#[test]
+fn overhangs_of_a_coarse_ball() {
+    // Metal in the second scene, with a mirror's Dirac lobe in the third.
+    let gold = Material { model: Model::Disney, metallic: 1.0, roughness: 0.4, ..WHITE };
+    for material in [grey(0.8), gold, Material { metallic: 0.5, ..grey(0.8) }] {
+        let builder = room(EYE);
+        let material = Material { shadow_terminator: true, ..material };
+        agree(&coarse_ball(builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material), 5, None, 1200);
+    }
+}
+
+/// What a coarse ball of albedo 0.8 reflects of parallel light from the left, with and without overhangs: mean over the
+/// pixels in whose middle the shading normal faces the light, beside what a surface with that normal would reflect.
+fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
+    let material = Material { shadow_terminator, ..grey(0.8) };
+    let builder = SceneBuilder::new(Vec3::Z * 30.0, Vec3::ZERO, 4.2);
+    let mut scene = Arc::unwrap_or_clone(coarse_ball(builder, Vec3::ZERO, 1.0, material));
+    let direction = Vec3::new(1.0, -0.2, -0.1).normalize_or(Vec3::X);
+    scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(std::f32::consts::PI) });
+    let scene = Arc::new(scene);
+    let side = 64;
+    let mut j = job([side, side], 2, 1);
+    (j.integrator, j.filter.radius) = (integrator("nee").unwrap(), 0.0);
+    let film = render(&scene, j, 1);
+    let accel = Accel::build(Arc::clone(&scene)).unwrap();
+    let (mut found, mut expected, mut hidden) = (0.0, 0.0, 0);
+    for (i, sum) in film.sum.iter().enumerate() {
+        let at = |k: usize| ((k as f32 + 0.5) / side as f32 * 2.0 - 1.0) * 2.1f32.to_radians().tan();
+        let dir = Vec3::new(at(i % side as usize), -at(i / side as usize), -1.0).normalize_or(Vec3::NEG_Z);
+        let ray = Ray { origin: Vec3::Z * 30.0, dir };
+        let Some(hit) = accel.closest(&ray, f32::INFINITY) else { continue };
+        let surface = Surface::at(&scene, &ray, &hit);
+        let cos = -surface.n_shading.dot(direction);
+        if cos > 0.0 {
+            found += sum[0];
+            expected += 0.8 * f64::from(cos);
+            hidden += usize::from(sum[0] == 0.0);
+        }
+    }
+    (found, expected, hidden)
+}
+
+#[test]
+fn overhangs_light_all_that_the_shading_normals_show_to_the_light() {
+    let (found, expected, hidden) = terminator(true);
+    assert!((found / expected - 1.0).abs() < 0.002, "{found} instead of {expected}");
+    let (less, same, black) = terminator(false);
+    assert_eq!(same, expected);
+    assert!(less < 0.97 * expected && black > 100 + hidden, "{less} of {expected}, black: {black}, {hidden}");
+    assert!(hidden < 10, "{hidden}");
 }

@@ -30,11 +30,11 @@ const PARALLEL_SINE: f32 = 1e-5;
 ///
 /// # Errors
 /// A camera that looks nowhere, a point beyond the range of coordinates, a mesh whose arrays do not belong together,
-/// more primitives than [`MAX_PRIMITIVES`], or a light with values that mean nothing.
+/// more primitives than [`MAX_PRIMITIVES`], or a material or light with values that mean nothing.
 pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
-    let (rows, textures) = materials::rows(desc, &mut notes);
+    let (rows, textures) = materials::rows(desc, &mut notes)?;
     let unbound = lights::compile(desc, &mut notes)?;
     let count = desc.entities.iter().map(|e| match &e.shape {
         ShapeDesc::Mesh(m) => m.triangles.len(),

@@ -6,17 +6,45 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::{Material, NONE, Texture, UvMap};
-use crate::scene::Note;
-use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot};
+use crate::scene::desc::{
+    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot,
+};
+use crate::scene::{Note, SceneError};
+use crate::value::Value;
+use crate::value::schema::{SchemaError, Ty};
 
 /// Rows for every material of the scene, and one default row for a scene without any.
-pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> (Vec<Material>, Vec<Texture>) {
+///
+/// # Errors
+/// A parameter that is no finite number, or lies outside its range: loaders and edits leave none, code may.
+pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<(Vec<Material>, Vec<Texture>), SceneError> {
+    desc.materials.iter().try_for_each(check)?;
     let mut bank = Bank::default();
     let mut rows: Vec<Material> = desc.materials.iter().map(|m| row(m, &mut bank, notes)).collect();
     if rows.is_empty() {
         rows.push(row(&MaterialDesc::new(DEFAULT_MATERIAL), &mut bank, notes));
     }
-    (rows, bank.textures)
+    Ok((rows, bank.textures))
+}
+
+/// Whether every number of a material means something.
+fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
+    for row in MATERIAL_PARAMS {
+        let (Ty::Num { min, max } | Ty::Nums { min, max, .. }) = row.ty else { continue };
+        let value = (row.get)(m);
+        // A bound that `f32` cannot hold is met by the number next to it.
+        let slack = |bound: f64| f64::from(f32::EPSILON) * bound.abs();
+        let fits = |x: &Value| x.as_f64().is_some_and(|x| x >= min - slack(min) && x <= max + slack(max));
+        if !value.as_list().map_or_else(|| fits(&value), |items| items.iter().all(fits)) {
+            return Err(SchemaError {
+                path: format!("materials.{}.{}", m.name, row.name),
+                problem: format!("{value} is out of range: expected {}", row.ty.describe()),
+                help: None,
+                key: row.name.to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
@@ -112,7 +140,7 @@ mod tests {
         Arc::new(TextureDesc { file: PathBuf::from("t"), width: 1, height: 1, texels, content_hash })
     }
 
-    fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
+    fn scene(materials: Vec<MaterialDesc>) -> SceneDesc {
         let camera = CameraDesc {
             position: Vec3::Z,
             target: Vec3::ZERO,
@@ -121,7 +149,7 @@ mod tests {
             aperture: 0.0,
             focus_distance: None,
         };
-        let desc = SceneDesc {
+        SceneDesc {
             resolution: [1, 1],
             max_depth: 1,
             camera,
@@ -129,10 +157,34 @@ mod tests {
             entities: vec![],
             lights: vec![],
             environment: None,
-        };
+        }
+    }
+
+    fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
         let mut notes = Vec::new();
-        let (rows, textures) = rows(&desc, &mut notes);
+        let (rows, textures) = rows(&scene(materials), &mut notes).unwrap();
         (rows, textures, notes)
+    }
+
+    #[test]
+    fn numbers_that_mean_nothing_are_errors_that_name_material_and_parameter() {
+        let breaks: [(&str, fn(&mut MaterialDesc)); 7] = [
+            ("roughness", |m| m.roughness = f32::NAN),
+            ("roughness", |m| m.roughness = -0.1),
+            ("ior", |m| m.ior = 0.0),
+            ("ior", |m| m.ior = -1.5),
+            ("base_color", |m| m.base_color.y = f32::NAN),
+            ("emission", |m| m.emission.x = f32::INFINITY),
+            ("tiling", |m| m.tiling = f32::INFINITY),
+        ];
+        for (name, change) in breaks {
+            let mut m = MaterialDesc::new("oak");
+            change(&mut m);
+            let e = rows(&scene(vec![MaterialDesc::new("fine"), m]), &mut Vec::new()).unwrap_err().to_string();
+            assert!(e.contains(&format!("materials.oak.{name}")), "{e}");
+        }
+        let edge = MaterialDesc { ior: crate::scene::desc::material::MIN_IOR as f32, ..MaterialDesc::new("m") };
+        assert!(rows(&scene(vec![edge]), &mut Vec::new()).is_ok());
     }
 
     #[test]

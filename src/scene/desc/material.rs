@@ -185,7 +185,7 @@ pub struct MaterialDesc {
     pub mask_threshold: f32,
     /// How a mask decides.
     pub mask_mode: MaskMode,
-    /// Whether paths start from the smooth surface that the vertex normals suggest.
+    /// Whether light reaches the smooth surface that the vertex normals suggest above a triangle.
     pub shadow_terminator: bool,
     /// Factor on texture coordinates.
     pub tiling: f32,
@@ -464,8 +464,9 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &[
         scn_texture_key: "",
         ty: Ty::Bool,
         unit: "",
-        doc: "Whether paths leave opaque triangles from the curved surface that their normals suggest, which hides the \
-              hard edge of shadows at grazing light but biases the picture [Vives].",
+        doc: "Whether light that passes below an opaque triangle still reaches the curved surface that its normals \
+              suggest, which hides the hard edge where smooth shading meets shadow [Vives]. It shows another surface than \
+              the triangles, so it is off unless asked for.",
         get: |m| Value::Bool(m.shadow_terminator),
         set_checked: |m, v| m.shadow_terminator = *v == Value::Bool(true),
         texture: None,

@@ -101,10 +101,12 @@ pub fn each(
         if !z.connectible || t > max {
             continue;
         }
-        if settings.wants(1, t)
-            && let Some(c) = connect::next_event(context, h, z, sampler)
-        {
-            found(c, 1, t, pixel, subpaths.lens);
+        if settings.wants(1, t) {
+            for z in std::iter::once(z).chain(z.raised().as_ref()) {
+                if let Some(c) = connect::next_event(context, h, z, sampler) {
+                    found(c, 1, t, pixel, subpaths.lens);
+                }
+            }
         }
         for (y, s) in subpaths.light.iter().zip(2..).take_while(|(_, s)| s + t - 1 <= max) {
             if y.connectible
