@@ -44,7 +44,6 @@ fn caustic_and_reflection_on_the_egg_are_the_same_in_all() {
         let film = with(technique(name, &[]), 2 + i as u64, samples);
         let other = Estimate { mean: &film.mean(), variance: &film.variance_of_mean() };
         let found = ztest::compare(other, truth, 6, bright);
-        println!("{name}: {found:?}");
         assert!(found.comparisons >= 30, "too little of the picture is bright enough to tell: {found:?}");
         assert!(found.agrees(0.001, others.len()), "{name}: {found:?}");
     }
