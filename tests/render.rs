@@ -8,6 +8,8 @@ mod common;
 mod agreement;
 #[path = "render/agreement_surfaces.rs"]
 mod agreement_surfaces;
+#[path = "render/agreement_lamps.rs"]
+mod agreement_lamps;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/camera.rs"]

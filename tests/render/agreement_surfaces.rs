@@ -10,7 +10,7 @@ use lumbre::transport::integrator::integrator;
 use lumbre::transport::ray::Ray;
 use lumbre::transport::surface::Surface;
 
-use crate::agreement::{EYE, agree, room};
+use crate::agreement::{EYE, agree_with_bpt, room};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
 /// A map of bumps: normals tilted by up to 45 degrees in every direction.
@@ -41,7 +41,7 @@ fn normal_mapped_floor() {
         let map = builder.texture(bumps());
         let tiling = UvMap { scale: 5.0, offset: Vec2::new(0.1, 0.2) };
         let floor = Material { normal_texture: map, tiling, model, roughness: 0.4, ..grey(0.7) };
-        agree(&floored(builder, floor), 5, None, 1200);
+        agree_with_bpt(&floored(builder, floor), 5, None, 1200);
     }
 }
 
@@ -62,7 +62,7 @@ fn masked_leaves() {
             .quad(Vec3::new(0.1, 0.9, -0.3), Vec3::new(1.0, 0.3, 0.4), Vec3::new(0.0, 0.4, 0.8), leaf)
             .quad(Vec3::new(-1.8, 0.4, -1.0), Vec3::Z * 1.2, Vec3::Y * 1.2, lamp)
             .build();
-        agree(&scene, 5, None, 1200);
+        agree_with_bpt(&scene, 5, None, 1200);
     }
 }
 
@@ -99,7 +99,7 @@ fn overhangs_of_a_coarse_ball() {
     for material in [grey(0.8), gold, Material { metallic: 0.5, ..grey(0.8) }] {
         let builder = room(EYE);
         let material = Material { shadow_terminator: true, ..material };
-        agree(&coarse_ball(builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material), 5, None, 1200);
+        agree_with_bpt(&coarse_ball(builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material), 5, None, 1200);
     }
 }
 
