@@ -8,6 +8,8 @@ mod common;
 mod agreement;
 #[path = "render/bsdf.rs"]
 mod bsdf;
+#[path = "render/bsdf_grid.rs"]
+mod bsdf_grid;
 #[path = "render/camera.rs"]
 mod camera;
 #[path = "render/determinism.rs"]

@@ -12,9 +12,10 @@ use super::ggx::Ggx;
 use super::{LobeSample, Local, Mode};
 use crate::math::warp;
 
-/// Where the index differs from 1 by less, a half vector of refraction has no digits left: the interface is treated as
-/// smooth, which it looks like, since it bends nothing.
-const MATCHED_INDEX: f32 = 1e-3;
+/// A refractive interface bends rays by about `|ior - 1| alpha`. Where that is less than this many radians, the half
+/// vector of a refraction has no digits left in single precision: the interface is treated as smooth, which it looks
+/// like, and what it reflects is too little to be seen.
+const LEAST_BEND: f32 = 1e-4;
 
 /// A rough lobe is sampled at least this often relative to its weight: its reflectance away from normals that face the
 /// viewer can be more than the estimate from the macroscopic cosine says.
@@ -70,8 +71,9 @@ impl Disney {
             None => Vec3::splat(exact),
             Some(tinted) => {
                 let f0 = f0_of(self.ior);
-                let blend = ((exact - f0) / (1.0 - f0)).clamp(0.0, 1.0);
-                tinted + (Vec3::ONE - tinted) * blend
+                // The reflectance of a high index dips below that of normal incidence before it rises.
+                let blend = (exact - f0) / (1.0 - f0);
+                (tinted + (Vec3::ONE - tinted) * blend).max(Vec3::ZERO)
             }
         }
     }
@@ -92,7 +94,7 @@ impl Disney {
     /// Whether the refractive lobe is a Dirac lobe.
     #[inline]
     fn smooth_glass(&self) -> bool {
-        self.smooth || (self.ior - 1.0).abs() < MATCHED_INDEX
+        self.smooth || (self.ior - 1.0).abs() * self.ggx.alpha[1] < LEAST_BEND
     }
 
     /// Whether any lobe has a density.
