@@ -64,7 +64,7 @@ fn blocks(film: &Film) -> Vec<(f64, f64)> {
 
 /// Renders `scene` with `bpt` for long and with every variant, and compares. Returns the largest relative error allowed
 /// for the whole film's mean, so that a test can demand that it says something.
-fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
+pub fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
     let with = |name: &str, params: &Params, seed: u64, samples: u64| {
         let mut j = job([SIDE as u32; 2], depth, seed);
         (j.integrator, j.params, j.rr_start) = (integrator(name).unwrap(), params.clone(), rr_start);
@@ -91,7 +91,7 @@ fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples:
 }
 
 /// A room with a floor, a wall, and lights of very unequal areas: two triangles and a sphere.
-fn room(eye: Vec3) -> SceneBuilder {
+pub fn room(eye: Vec3) -> SceneBuilder {
     let big = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
     let small = [Vec3::new(0.5, 1.6, 0.5), Vec3::new(0.9, 1.6, 0.5), Vec3::new(0.5, 1.6, 1.0)];
     let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
@@ -102,7 +102,8 @@ fn room(eye: Vec3) -> SceneBuilder {
         .triangle(small, [Vec2::ZERO; 3], light(9.0))
 }
 
-const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
+/// Where the room is seen from.
+pub const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
 
 #[test]
 fn diffuse_surfaces_under_unequal_lights() {
