@@ -11,8 +11,8 @@ const LAMP: (Vec3, f32) = (Vec3::new(-0.3, 1.45, -0.4), 0.3);
 
 #[test]
 fn rough_glass() {
-    let frosted = Material { opacity: 0.0, roughness: 0.35, base_color: Vec3::new(0.9, 1.0, 0.9), ..DISNEY };
-    let clear = Material { opacity: 0.0, roughness: 0.2, ior: 1.3, base_color: Vec3::new(1.0, 0.8, 0.9), ..DISNEY };
+    let frosted = Material { opacity: 0.0, roughness: 0.65, base_color: Vec3::new(0.9, 1.0, 0.9), ..DISNEY };
+    let clear = Material { opacity: 0.0, roughness: 0.5, ior: 1.3, base_color: Vec3::new(1.0, 0.8, 0.9), ..DISNEY };
     let scene = room(EYE)
         .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, frosted)
         .sphere(Vec3::new(0.6, 0.5, 0.3), 0.45, clear)

@@ -71,9 +71,9 @@ fn disney_cornell_box_with_spheres_equals_mitsubas_principled() {
     };
     let (desc, _) = load::load(&root.join("scenes/vkraytracing/cornellbox_sphere.scn")).unwrap();
     let (compiled, _) = compile(&desc).unwrap();
-    let mut job = job([320, 180], 5, 78);
+    let mut job = job([320, 180], 5, std::env::var("SEED").map_or(78, |s| s.parse().unwrap()));
     job.integrator = integrator("nee").unwrap();
-    let film = render(&Arc::new(compiled), job, 32);
+    let film = render(&Arc::new(compiled), job, std::env::var("SPP").map_or(32, |s| s.parse().unwrap()));
     let (mut ours, mut our_variance) = (film.mean(), film.variance_of_mean());
     let name = "references/cornellbox_sphere_principled_md5";
     let mut theirs = image(&root.join(format!("{name}.exr")));
@@ -101,5 +101,26 @@ fn disney_cornell_box_with_spheres_equals_mitsubas_principled() {
         20,
         0.5,
     );
+    for by in 0..9 {
+        for bx in 0..16 {
+            for c in 0..3 {
+                let (mut a, mut b, mut v) = (0.0, 0.0, 0.0);
+                for i in (0..400).map(|k| (by * 20 + k / 20) * 320 + bx * 20 + k % 20) {
+                    a += f64::from(ours.data[i][c]);
+                    b += f64::from(theirs.data[i][c]);
+                    v += f64::from(our_variance.data[i][c]) + f64::from(their_variance.data[i][c]);
+                }
+                let z = (a - b) / v.sqrt();
+                if z.abs() > 3.0 {
+                    println!("block {bx} {by} channel {c}: {a} {b} {} z {z}", a / b);
+                }
+            }
+        }
+    }
+    for c in 0..3 {
+        let sum = |f: &Image| f.data.iter().map(|p| f64::from(p[c])).sum::<f64>();
+        let (a, b, v) = (sum(&ours), sum(&theirs), sum(&our_variance) + sum(&their_variance));
+        println!("channel {c}: {a} {b} {} +- {} z {}", a / b, v.sqrt() / b, (a - b) / v.sqrt());
+    }
     println!("{found:?} glass {on:?} {} +- {}", on[0] / on[1], variance.sqrt() / on[1]);
 }
