@@ -6,12 +6,24 @@ mod common;
 
 #[path = "render/agreement.rs"]
 mod agreement;
-#[path = "render/agreement_surfaces.rs"]
-mod agreement_surfaces;
 #[path = "render/agreement_lamps.rs"]
 mod agreement_lamps;
+#[path = "render/agreement_materials.rs"]
+mod agreement_materials;
+#[path = "render/agreement_surfaces.rs"]
+mod agreement_surfaces;
 #[path = "render/bsdf.rs"]
 mod bsdf;
+#[path = "render/bsdf_albedo.rs"]
+mod bsdf_albedo;
+#[path = "render/bsdf_formulas.rs"]
+mod bsdf_formulas;
+#[path = "render/bsdf_grid.rs"]
+mod bsdf_grid;
+#[path = "render/bsdf_limits.rs"]
+mod bsdf_limits;
+#[path = "render/bsdf_symmetry.rs"]
+mod bsdf_symmetry;
 #[path = "render/camera.rs"]
 mod camera;
 #[path = "render/determinism.rs"]
