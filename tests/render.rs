@@ -6,6 +6,8 @@ mod common;
 
 #[path = "render/agreement.rs"]
 mod agreement;
+#[path = "render/agreement_lights.rs"]
+mod agreement_lights;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/camera.rs"]
@@ -20,5 +22,9 @@ mod furnace;
 mod intersection;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/lights_density.rs"]
+mod lights_density;
+#[path = "render/lights_truth.rs"]
+mod lights_truth;
 #[path = "render/references.rs"]
 mod references;

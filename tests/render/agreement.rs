@@ -20,14 +20,14 @@ const BLOCK: usize = 4;
 /// The probability that all comparisons of one scene pass by chance alone is one minus this.
 const SIGNIFICANCE: f64 = 0.001;
 
-type Params = BTreeMap<String, Value>;
+pub type Params = BTreeMap<String, Value>;
 
 pub fn params(pairs: &[(&str, Value)]) -> Params {
     pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect()
 }
 
 /// Every way of rendering a picture that must agree with `bpt`.
-fn variants() -> Vec<(&'static str, Params)> {
+pub fn variants() -> Vec<(&'static str, Params)> {
     let mut all = Vec::new();
     for mis in ["power", "balance", "none"] {
         for name in ["nee", "bdpt"] {
@@ -62,9 +62,19 @@ fn blocks(film: &Film) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Renders `scene` with `bpt` for long and with every variant, and compares. Returns the largest relative error allowed
-/// for the whole film's mean, so that a test can demand that it says something.
-fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
+/// Renders `scene` with `bpt` for long and with every variant, and compares.
+pub fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
+    agree_among(scene, depth, rr_start, samples, &variants());
+}
+
+/// The same for some variants.
+pub fn agree_among(
+    scene: &Arc<CompiledScene>,
+    depth: u32,
+    rr_start: Option<u32>,
+    samples: u64,
+    variants: &[(&'static str, Params)],
+) {
     let with = |name: &str, params: &Params, seed: u64, samples: u64| {
         let mut j = job([SIDE as u32; 2], depth, seed);
         (j.integrator, j.params, j.rr_start) = (integrator(name).unwrap(), params.clone(), rr_start);
@@ -73,7 +83,6 @@ fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples:
     let truth = with("bpt", &Params::new(), 1, 8 * samples);
     let whole = truth[truth.len() - 2];
     assert!(whole.0 > 0.0 && whole.1.sqrt() / whole.0 < 0.01, "the reference is too noisy to tell: {whole:?}");
-    let variants = variants();
     let level = sidak(SIGNIFICANCE, variants.len() * truth.len());
     let mut failures = Vec::new();
     for (i, (name, params)) in variants.iter().enumerate() {
@@ -91,7 +100,7 @@ fn agree(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples:
 }
 
 /// A room with a floor, a wall, and lights of very unequal areas: two triangles and a sphere.
-fn room(eye: Vec3) -> SceneBuilder {
+pub fn room(eye: Vec3) -> SceneBuilder {
     let big = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
     let small = [Vec3::new(0.5, 1.6, 0.5), Vec3::new(0.9, 1.6, 0.5), Vec3::new(0.5, 1.6, 1.0)];
     let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
@@ -102,7 +111,7 @@ fn room(eye: Vec3) -> SceneBuilder {
         .triangle(small, [Vec2::ZERO; 3], light(9.0))
 }
 
-const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
+pub const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
 
 #[test]
 fn diffuse_surfaces_under_unequal_lights() {

@@ -150,7 +150,7 @@ fn meshes_and_textures_named_twice_are_read_once() {
     assert!(Arc::ptr_eq(first, desc.materials[1].texture(TextureSlot::Emission).unwrap()));
     let names: Vec<&str> = desc.entities.iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["m", "m_2", "sphere", "sphere_2", "sphere_3", "sphere_4"]);
-    assert!(lines(&notes).contains("entities[5].name: taken: the entity is called `sphere_4`"));
+    assert!(lines(&notes).contains("entities[5].name: taken: it is called `sphere_4`"));
     assert_eq!(desc.materials.last().unwrap().name, DEFAULT_MATERIAL, "asked for by the quad and the spheres");
 }
 

@@ -10,7 +10,7 @@ use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
-use crate::transport::light::DirectSample;
+use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis::{self, Heuristic};
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::Surface;
@@ -26,7 +26,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
           meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
           where no connection could find it: seen directly or after a specular event.",
-    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD] },
+    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD, SELECT_FIELD] },
     sample,
 };
 

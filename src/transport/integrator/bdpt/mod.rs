@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 
 use super::{Context, IntegratorRow};
 use crate::transport::contribution::Contribution;
-use crate::transport::light::LightPoint;
+use crate::transport::light::{LightPoint, SELECT_FIELD};
 use crate::transport::mis::{self, Heuristic};
 use crate::transport::sampler::Sampler;
 use crate::value::Value;
@@ -34,6 +34,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
         doc: "Parameters of `bdpt`.",
         fields: &[
             mis::FIELD,
+            SELECT_FIELD,
             Field {
                 key: "strategies",
                 ty: Ty::Nums { len: 2, min: 0.0, max: 10_000.0 },
