@@ -26,5 +26,7 @@ mod lights;
 mod lights_density;
 #[path = "render/lights_truth.rs"]
 mod lights_truth;
+#[path = "render/oracle.rs"]
+mod oracle;
 #[path = "render/references.rs"]
 mod references;

@@ -6,16 +6,11 @@ use lumbre::scene::compile::{Material, Texture, UvMap};
 use lumbre::transport::integrator::integrator;
 use lumbre::value::Value;
 
-use crate::agreement::{EYE, Params, agree_among, params, room, variants};
+use crate::agreement::{EYE, Params, agree, agree_among, params, room};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
 use crate::lights_density::sunny;
 
-/// The variants of one integrator.
-fn of(name: &str) -> Vec<(&'static str, Params)> {
-    variants().into_iter().filter(|v| v.0 == name).collect()
-}
-
-/// Both, and `nee` with every way of choosing a light.
+/// `nee` and `bdpt` with every way of choosing a light.
 fn selecting() -> Vec<(&'static str, Params)> {
     let select = |name: &'static str, word: &str| (name, params(&[("select", word.into())]));
     let words = ["uniform", "area", "power"];
@@ -78,9 +73,7 @@ fn an_environment_with_a_sun() {
         .sphere(Vec3::new(0.2, 1.2, 0.2), 0.1, light(9.0))
         .environment(Some(sky), Vec3::splat(0.3), 120.0)
         .build();
-    let mut wanted = of("nee");
-    wanted.extend(selecting().into_iter().filter(|v| v.0 == "nee"));
-    agree_among(&scene, 5, None, 2500, &wanted);
+    agree_among(&scene, 5, None, 2500, &selecting());
 }
 
 #[test]
@@ -91,7 +84,7 @@ fn a_constant_environment_through_glass() {
         .sphere(Vec3::new(-0.3, 0.6, 0.2), 0.55, glass)
         .environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0)
         .build();
-    agree_among(&scene, 7, Some(3), 1200, &of("nee"));
+    agree(&scene, 7, Some(3), 1200);
 }
 
 /// The radiance of the middle of a floor of albedo 0.6 at the origin, seen through a very long lens.
