@@ -140,3 +140,27 @@ fn a_direction_and_a_point_agree_where_they_are_the_same() {
     let star = floor(|b| near(b.point(-way * far, Vec3::splat(far * far))), &[]);
     assert!((sun.0 / star.0 - 1.0).abs() < 1e-3 && sun.0 > 0.0, "{sun:?} {star:?}");
 }
+
+#[test]
+fn a_point_behind_glass_is_a_very_small_sphere() {
+    // The caustic of a ball on the floor, and nothing else in the picture: only paths from the light find it for the point,
+    // while the sphere is also met. Other tests have `bdpt` with spheres agree with `bpt`.
+    let glass = Material { opacity: 0.0, ..WHITE };
+    let (place, radius, intensity) = (Vec3::new(0.2, 2.5, 0.0), 0.04f32, 3.0);
+    let below = |lit: fn(SceneBuilder, Vec3, f32, f32) -> SceneBuilder| {
+        let floor = SceneBuilder::new(Vec3::new(1.5, 0.5, 1.5), Vec3::ZERO, 15.0)
+            .quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::Z * -6.0, grey(0.6))
+            .sphere(Vec3::Y, 0.3, glass);
+        let mut j = job([12, 12], 5, 4);
+        j.integrator = integrator("bdpt").unwrap();
+        mean_and_error(&render(&lit(floor, place, radius, intensity).build(), j, 12_000), 1)
+    };
+    let point = below(|b, place, _, intensity| b.point(place, Vec3::splat(intensity)));
+    let sphere = below(|b, place, radius, intensity| {
+        b.sphere(place, radius, light(intensity / (std::f32::consts::PI * radius * radius)))
+    });
+    let error = point.1.hypot(sphere.1);
+    assert!(error < 0.01 * sphere.0, "too noisy to tell: {point:?} {sphere:?}");
+    // The sphere's own width blurs the caustic a little.
+    assert!((point.0 - sphere.0).abs() < 4.0 * error + 0.01 * sphere.0, "{point:?} {sphere:?}");
+}
