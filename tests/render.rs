@@ -12,6 +12,8 @@ mod agreement_lamps;
 mod agreement_materials;
 #[path = "render/agreement_surfaces.rs"]
 mod agreement_surfaces;
+#[path = "render/agreement_lights.rs"]
+mod agreement_lights;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/bsdf_albedo.rs"]
@@ -36,6 +38,10 @@ mod furnace;
 mod intersection;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/lights_density.rs"]
+mod lights_density;
+#[path = "render/lights_truth.rs"]
+mod lights_truth;
 #[path = "render/oracle.rs"]
 mod oracle;
 #[path = "render/references.rs"]

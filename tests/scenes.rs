@@ -8,6 +8,8 @@ mod builtin;
 mod damaged;
 #[path = "scenes/edit.rs"]
 mod edit;
+#[path = "scenes/lights.rs"]
+mod lights;
 #[path = "scenes/obj.rs"]
 mod obj;
 #[path = "scenes/scn.rs"]

@@ -81,6 +81,9 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("integrator's parameters", |p| {
             p.config.params.insert("mis".into(), "balance".into());
         }),
+        ("choice of lights", |p| {
+            p.config.params.insert("select".into(), "area".into());
+        }),
         ("depth", |p| p.config.max_depth = Some(6)),
         ("depth of the scene", |p| p.config.max_depth = None),
         ("resolution", |p| both(p, |c| c.resolution = Some([4, 8]))),

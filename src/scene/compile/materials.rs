@@ -92,24 +92,28 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
 #[derive(Default)]
 struct Bank {
     textures: Vec<Texture>,
-    /// By content, sRGB decoding, and clamping to 0..=1.
-    index: BTreeMap<([u8; 32], bool, bool), u32>,
+    /// By content, sRGB decoding, and whether values below 0 and above 1 are moved.
+    index: BTreeMap<([u8; 32], bool, [bool; 2]), u32>,
 }
 
 impl Bank {
     fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
         // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
-        let stays_in_range = !matches!(slot, TextureSlot::Emission | TextureSlot::Mask);
-        let bounded = stays_in_range && matches!(desc.texels, Texels::RgbaF32(_));
+        let float = matches!(desc.texels, Texels::RgbaF32(_));
+        let bounded = match slot {
+            TextureSlot::Mask => [false; 2],
+            TextureSlot::Emission => [float, false],
+            _ => [float; 2],
+        };
         *self.index.entry((desc.content_hash, slot.is_srgb(), bounded)).or_insert_with(|| {
             let mut texture = Texture::decode(desc, slot.is_srgb());
-            if bounded && clamp(&mut texture) {
-                notes.push(Note {
-                    file: desc.file.clone(),
-                    place: "image".to_owned(),
-                    message: "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped"
-                        .to_owned(),
-                });
+            if clamp(&mut texture, bounded) {
+                let message = match bounded {
+                    [_, true] => "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped",
+                    _ => "it holds negative values, which no light can have: they count as black",
+                };
+                let message = message.to_owned();
+                notes.push(Note { file: desc.file.clone(), place: "image".to_owned(), message });
             }
             self.textures.push(texture);
             self.textures.len() as u32 - 1
@@ -117,11 +121,12 @@ impl Bank {
     }
 }
 
-/// Moves texels into 0..=1; says whether any moved.
-fn clamp(texture: &mut Texture) -> bool {
+/// Moves texels below 0 to 0 and above 1 to 1, where asked to; says whether any moved.
+fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
+    let (low, high) = (if below { 0.0 } else { f32::NEG_INFINITY }, if above { 1.0 } else { f32::INFINITY });
     let mut moved = false;
     for x in texture.texels.as_flattened_mut() {
-        let inside = x.clamp(0.0, 1.0);
+        let inside = x.clamp(low, high);
         moved |= inside != *x;
         *x = inside;
     }
@@ -232,5 +237,14 @@ mod tests {
         assert_eq!(textures[rows[0].base_color_texture as usize].texels[0], [1.0, 0.5, 0.0]);
         assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.5, 0.0]);
         assert_eq!(notes.len(), 1);
+    }
+
+    #[test]
+    fn negative_light_is_black_and_noted() {
+        let mut m = MaterialDesc { emission: Vec3::ONE, ..MaterialDesc::new("m") };
+        m.textures = vec![(TextureSlot::Emission, texture(Texels::RgbaF32(vec![[4.0, -0.5, 0.0, 1.0]])))];
+        let (rows, textures, notes) = compiled(vec![m]);
+        assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.0, 0.0]);
+        assert!(notes.len() == 1 && notes[0].message.contains("negative"), "{notes:?}");
     }
 }

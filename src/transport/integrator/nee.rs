@@ -8,7 +8,7 @@ use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
-use crate::transport::light::DirectSample;
+use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::{Overhang, Surface};
@@ -23,7 +23,11 @@ pub const ROW: IntegratorRow = IntegratorRow {
     doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
           meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
           where no connection could find it: seen directly or after a specular event.",
-    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD, settings::LIGHTS] },
+    params: Table {
+        name: "NeeParams",
+        doc: "Parameters of `nee`.",
+        fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
+    },
     sample,
 };
 

@@ -15,7 +15,7 @@ use glam::Vec3;
 
 use super::{Context, IntegratorRow, settings};
 use crate::transport::contribution::Contribution;
-use crate::transport::light::LightPoint;
+use crate::transport::light::{LightPoint, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::sampler::Sampler;
 use crate::value::schema::Table;
@@ -32,7 +32,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     params: Table {
         name: "BdptParams",
         doc: "Parameters of `bdpt`.",
-        fields: &[mis::FIELD, settings::STRATEGIES, settings::CONTRIBUTION],
+        fields: &[mis::FIELD, SELECT_FIELD, settings::STRATEGIES, settings::CONTRIBUTION],
     },
     sample,
 };
