@@ -36,6 +36,7 @@ fn config() -> Arc<CellConfig> {
         resolution: Some([8, 8]),
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        films: Vec::new(),
         set: Default::default(),
         backend: "mock".into(),
     })
