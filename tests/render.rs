@@ -22,5 +22,7 @@ mod intersection;
 mod layers;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/oracle.rs"]
+mod oracle;
 #[path = "render/references.rs"]
 mod references;

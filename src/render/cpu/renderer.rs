@@ -15,7 +15,7 @@ use crate::film::splat::SplatSums;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
-use crate::transport::integrator::Context;
+use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray, Trace};
 use crate::transport::sampler::Sampler;
@@ -134,6 +134,7 @@ impl Renderer for CpuRenderer {
         let first = self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
         let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, pool, .. } = self;
+        let settings = Settings::new(&job.params);
         let (mut layer_rows, spec) = LayerSums::rows(layers, height);
         let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]], layer_row: Option<&mut [Sums]>| {
             let trace = Counted { accel, rays: Cell::new(0) };
@@ -144,7 +145,7 @@ impl Renderer for CpuRenderer {
                 trace: &trace,
                 max_depth: job.max_depth,
                 rr_start: job.rr_start,
-                params: &job.params,
+                settings: &settings,
             };
             let mut stats = RowStats::default();
             let mut tally = layer_row.zip(spec).map(|(row, spec)| Tally::new(spec, row));
