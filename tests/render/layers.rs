@@ -80,10 +80,22 @@ fn depths_and_strategies_add_up_to_the_picture() {
         open_room().sphere(Vec3::new(-0.6, 0.6, 0.3), 0.4, glass).sphere(Vec3::new(0.7, 0.6, 0.3), 0.4, mirror).build();
     for name in ["bpt", "nee", "bdpt"] {
         let plain = rendered(&scene, with(name, &[], 5, 7), &[8]);
-        let renderer = rendered(&scene, with(name, &LIGHT, 5, 7), &[3, 5]);
+        let renderer = rendered(&scene, with(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7), &[3, 5]);
         assert_eq!(renderer.film(), plain.film(), "{name}: layers change nothing");
         assert!(plain.layers().is_empty() && plain.layer(0).is_none());
         adds_up(&renderer);
+        let films = films(&renderer);
+        let (_, bounces) = films.iter().find(|(film, _)| film.layer == Layer::Bounces).unwrap();
+        for (pixel, [weighted, weight, _]) in bounces.sum.iter().enumerate() {
+            let (mut moment, mut light) = (0.0, 0.0);
+            for (film, sums) in &films {
+                let Part::Depth(k) = film.part else { continue };
+                let [r, g, b] = sums.sum[pixel];
+                let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+                (moment, light) = (moment + f64::from(k - 1) * luminance, light + luminance);
+            }
+            assert!((weighted - moment).abs() <= 1e-5 * moment && (weight - light).abs() <= 1e-5 * light);
+        }
     }
 }
 

@@ -408,10 +408,21 @@ mod tests {
         assert_eq!(inner(&merged, "aa", "filter"), Some(&"gauss".into()));
         assert_eq!(inner(&merged, "aa", "radius"), Some(&Value::Int(2)));
         assert!(merged.contains_key("mis"));
+        let with_films = merge(&map(&[("films", "depth".into()), ("scene", "a.scn".into())]), &BTreeMap::new());
+        assert_eq!(with_films, map(&[("scene", "a.scn".into())]), "a reference keeps no films");
+        assert!(merge(&own, &map(&[("films", "depth".into())])).contains_key("films"), "unless it asks for them");
         let merged = merge(&own, &map(&[("integrator", "bpt".into())]));
         assert!(!merged.contains_key("mis") && merged.contains_key("scene"));
         let merged = merge(&own, &map(&[("integrator", "nee".into()), ("aa", Value::List(Vec::new()))]));
         assert_eq!(merged, own);
+    }
+
+    #[test]
+    fn layers_are_in_the_order_of_their_table_each_once() {
+        let asked = ["normal", "depth", "albedo", "depth"].map(Value::from).to_vec();
+        assert_eq!(films(Some(&Value::List(asked))), [Layer::Depth, Layer::Albedo, Layer::Normal]);
+        assert_eq!(films(Some(&"rays".into())), [Layer::Rays]);
+        assert!(films(None).is_empty() && films(Some(&Value::List(Vec::new()))).is_empty());
     }
 
     #[test]
