@@ -3,9 +3,9 @@
 --     lumbre run scripts/depth_study.lua
 --
 -- After the depth study of the first source, its figures 5.6 and 5.7: the lamps of Veach with a limit of 5, 7 and 10
--- edges. There, longer paths were seen to brighten the picture while they hardly slow its convergence. Here the layer
--- "depth" says why: it keeps the light of each path length apart, and films/depths.png shows them in one row, brightened
--- as their labels say. The lamps hide their bulbs in shades: one edge brings nothing, two a patch of ceiling and the lit
+-- edges. There, longer paths were seen to brighten the picture and to let walls colour one another. Here the layer
+-- "depth" shows by how much: it keeps the light of each path length apart, and films/depths.png shows them in one row,
+-- brightened as their labels say. The lamps hide their bulbs in shades: one edge brings nothing, two a patch of ceiling and the lit
 -- table, and the room is there from three on. The egg is glass and is seen from four and five on.
 --
 -- The films of one technique at one limit already hold the pictures of all smaller limits: they are the partial sums.

@@ -121,7 +121,7 @@ fn deviates_of_splats_have_unit_variance() {
     for film in films {
         for (mean, variance) in film.mean().data.iter().zip(film.variance_of_mean().data) {
             // Own samples bring 1/2 in the mean, and of each of the three splats of a sample one lands here.
-            let expected = 0.5 + 3001.000_001;
+            let expected = 0.5 + 3_001.000_001;
             let deviate = (f64::from(mean[0]) - expected) / f64::from(variance[0]).sqrt();
             squares.push(deviate * deviate);
         }
