@@ -36,6 +36,8 @@ mod film;
 mod furnace;
 #[path = "render/intersection.rs"]
 mod intersection;
+#[path = "render/layers.rs"]
+mod layers;
 #[path = "render/lights.rs"]
 mod lights;
 #[path = "render/lights_density.rs"]

@@ -195,6 +195,7 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
         max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        layers: Vec::new(),
         seed,
         threads: 0,
     }

@@ -55,6 +55,7 @@ fn paths(scene: &Arc<CompiledScene>, name: &str, threads: usize, repeats: usize)
         max_depth: scene.max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        layers: Vec::new(),
         seed: 1,
         threads,
     };

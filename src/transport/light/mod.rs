@@ -68,8 +68,8 @@ pub struct Lights {
     total_area: f64,
 }
 
-/// Relative luminance of linear sRGB.
-fn luminance(color: Vec3) -> f64 {
+/// Relative luminance of linear sRGB [IEC 61966-2-1].
+pub fn luminance(color: Vec3) -> f64 {
     color.as_dvec3().dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
