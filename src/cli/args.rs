@@ -35,6 +35,7 @@ Exit codes:
     2  usage, script or scene error, found before any work
     3  some cells failed
     4  a limit was reached with work left
+    5  verification failed
    75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
   130  ended by Ctrl-C (143 by a second SIGTERM)
 
@@ -80,6 +81,18 @@ pub enum Verb {
     Schema(SchemaArgs),
     /// Say what this machine offers: backends, cores, terminal, a writable out/
     Doctor(DoctorArgs),
+    /// Check light transport: against theory, techniques against each other, and against images by others
+    ///
+    /// Every check compares pictures block by block, as estimates with noise, and ends in a verdict. All checks together
+    /// call a correct program wrong with a probability of one in a thousand, whatever the seed. Checks:
+    ///
+    ///   analytic   scenes whose radiance is known in closed form
+    ///   agreement  the built-in scenes by every integrator and every variant of its parameters
+    ///   reference  images made by others, with --scenes
+    ///
+    /// Exit code 5 says that a check failed.
+    #[command(verbatim_doc_comment)]
+    Verify(VerifyArgs),
     /// Measure the program itself and write out/bench.json
     Bench(BenchArgs),
     /// Print completions for a shell
@@ -169,6 +182,26 @@ pub struct SchemaArgs {
 /// `lumbre doctor`.
 #[derive(Args, Debug)]
 pub struct DoctorArgs {
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// The folder below which the scenes of references lie; without it references are skipped
+    #[arg(long, value_name = "DIR")]
+    pub scenes: Option<PathBuf>,
+    /// The folder of references: EXR, EXR of standard errors, JSON of settings [default: `references` beside the scenes]
+    #[arg(long, value_name = "DIR")]
+    pub references: Option<PathBuf>,
+    /// Few samples and small pictures: seconds, and only large mistakes are found
+    #[arg(long)]
+    pub quick: bool,
+    /// Seed of all random numbers; each seed repeats to the bit
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

@@ -124,7 +124,7 @@ fn every_verb_explains_itself() {
     let place = Workplace::new();
     let whole = place.succeed(&["--help"]).stdout;
     assert!(whole.contains("Exit codes") && whole.contains("NO_COLOR"), "{whole}");
-    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "bench", "completions", "man"];
+    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "verify", "bench", "completions", "man"];
     for verb in verbs {
         assert!(whole.contains(&format!("\n  {verb} ")), "{verb} is not listed: {whole}");
         let help = place.succeed(&[verb, "--help"]).stdout;

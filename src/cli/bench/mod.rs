@@ -3,20 +3,17 @@
 mod night;
 mod rates;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
+use crate::cli::builtin::{BuiltIn, short};
 use crate::math::stats::median;
 
 /// Repetitions of every measurement; the median is reported.
 const REPEATS: usize = 5;
-
-/// The scenes that this project brings, relative to its root.
-const BUILT_IN: [&str; 3] =
-    ["scenes/cornell/cornell.scn", "scenes/cornell_spheres/cornell_spheres.scn", "scenes/veach_lamps/veach_lamps.scn"];
 
 /// Everything that was measured, ready to print or to save.
 pub struct Report {
@@ -36,17 +33,17 @@ impl Report {
     }
 }
 
-/// Measures the built-in scenes that are found below the current directory, the given ones, and the program's own
+/// Measures the built-in scenes, the given ones, and the program's own
 /// overheads. `say` hears what is being measured.
 ///
 /// # Errors
 /// When a given scene cannot be loaded or rendered, with a message for people.
 pub fn measure(given: &[PathBuf], threads: usize, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
-    let built_in = BUILT_IN.iter().map(PathBuf::from).filter(|p| p.is_file());
-    let scenes: Vec<PathBuf> = built_in.chain(given.iter().cloned()).collect();
+    let built_in = BuiltIn::unpack()?;
+    let scenes: Vec<PathBuf> = built_in.scenes().into_iter().chain(given.iter().cloned()).collect();
     let mut rows = Vec::new();
     for scene in &scenes {
-        say(&format!("measuring {}", scene.display()));
+        say(&format!("measuring {}", short(scene)));
         rows.push(rates::measure(scene, threads, REPEATS)?);
     }
     say("measuring the program's own overheads");
@@ -83,9 +80,4 @@ fn start_up_s() -> f64 {
             Err(_) => f64::NAN,
         }
     }))
-}
-
-/// A path as short as it can be said.
-fn short(path: &Path) -> String {
-    path.file_stem().map_or_else(|| path.display().to_string(), |s| s.to_string_lossy().into_owned())
 }

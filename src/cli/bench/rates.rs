@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use super::short;
+use crate::cli::builtin::short;
 use crate::math::stats::median;
 use crate::render::cpu::rates::{self, RayRates};
 use crate::render::{Job, backend};
