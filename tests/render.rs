@@ -20,5 +20,7 @@ mod furnace;
 mod intersection;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/oracle.rs"]
+mod oracle;
 #[path = "render/references.rs"]
 mod references;
