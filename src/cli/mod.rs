@@ -74,7 +74,7 @@ fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
             talk(line);
         }
     };
-    let report = bench::measure(&args.scenes, global.threads, &mut say).map_err(Failure::usage)?;
+    let report = bench::measure(args, global.threads, &mut say).map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());
     crate::store::atomic(&file, json.as_bytes()).map_err(Failure::internal)?;
     data(if args.json { &json } else { report.text() })?;

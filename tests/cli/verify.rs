@@ -14,7 +14,9 @@ use super::workplace::Workplace;
 use crate::common::{job, render};
 
 /// A ball under a large lamp: little noise.
-const SCENE: &str = r#"{
+pub const SCENE: &str = r#"{
+    "resolution": [48, 32],
+    "maxdepth": 4,
     "camera": { "position": [0, 0, 6], "lookat": [0, 0, 0], "fov": 18 },
     "materials": [ { "name": "grey", "color": [0.5, 0.5, 0.5] }, { "name": "lamp", "emission": [2, 2, 2] } ],
     "entities": [
@@ -67,15 +69,11 @@ fn everything_agrees_with_theory_with_itself_and_with_a_true_reference() {
     let ended = place.run(&GIVEN);
     assert_eq!(place.files("."), before, "it leaves nothing");
     let report: Json = serde_json::from_str(&ended.stdout).unwrap();
-    let failed = |row: &&Json| row["verdict"] == "failed";
-    let failed: Vec<&Json> = report["checks"].as_array().unwrap().iter().filter(failed).collect();
-    // `bdpt` does not yet weight the strategies that start at an environment, and `verify` says so.
-    let known = |row: &&&Json| row["check"] == "environment" && row["compared"].as_str().unwrap().starts_with("bdpt");
-    assert!(failed.iter().all(|row| known(&row)), "{failed:#?}");
-    assert_eq!(ended.status, if failed.is_empty() { 0 } else { 5 }, "{}", ended.stderr);
-    assert_eq!(report["failed"], failed.len());
+    assert_eq!(ended.status, 0, "{report:#}");
+    assert_eq!(report["failed"], 0);
     assert_eq!(report["seed"], 1);
     // Every integrator is in every kind, and nearly everything could be judged.
+    assert!(rows(&report, "density").iter().all(|row| row["verdict"] == "passed"), "{report:#}");
     for kind in ["analytic", "agreement", "reference"] {
         for name in lumbre::transport::integrator::INTEGRATORS.iter().map(|row| row.name) {
             let judged =

@@ -6,6 +6,7 @@
 
 mod agreement;
 mod analytic;
+mod density;
 mod picture;
 pub mod references;
 mod report;
@@ -100,6 +101,7 @@ struct Kind {
 /// Every kind of check there is.
 const KINDS: &[Kind] = &[
     Kind { name: "analytic", plan: analytic::plan },
+    Kind { name: "density", plan: density::plan },
     Kind { name: "agreement", plan: agreement::plan },
     Kind { name: "reference", plan: references::plan },
 ];
