@@ -6,6 +6,8 @@ mod common;
 
 #[path = "render/agreement.rs"]
 mod agreement;
+#[path = "render/agreement_lamps.rs"]
+mod agreement_lamps;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/camera.rs"]

@@ -150,7 +150,7 @@ impl Path {
     }
 
     /// Density with which a light path generates `x_i` after `x_(i-1)`, for `1 <= i < k`.
-    fn from_light(&self, context: &Context, i: usize) -> f64 {
+    fn by_light(&self, context: &Context, i: usize) -> f64 {
         let per_solid_angle = if i == 1 {
             let e = context.lights.pdf_emission_at(context.scene, &self.light, self.dirs[0]);
             match self.light.light {
@@ -171,7 +171,7 @@ impl Path {
     }
 
     /// Density with which a camera path generates `x_i` after `x_(i+1)`, for `i < k`.
-    fn from_camera(&self, context: &Context, i: usize) -> f64 {
+    fn by_camera(&self, context: &Context, i: usize) -> f64 {
         if i == 0 && self.light_is_dirac() {
             return 0.0;
         }
@@ -209,10 +209,10 @@ impl Path {
             let mut p = 1.0;
             for i in 0..k {
                 p *= match i {
-                    i if i >= s => self.from_camera(context, i),
+                    i if i >= s => self.by_camera(context, i),
                     0 if s == 1 && k > 1 => self.direct(context),
                     0 => self.start(context),
-                    i => self.from_light(context, i),
+                    i => self.by_light(context, i),
                 };
             }
             p
