@@ -32,6 +32,8 @@ pub struct OracleReport {
     /// direction of a short edge that grazes a surface is not quite that from point to point, and strategies disagree
     /// about which of the two a cosine is taken of.
     pub rough_densities: u64,
+    /// Paths whose density differs by more than [`COARSE`].
+    pub coarse_densities: u64,
 }
 
 impl OracleReport {
@@ -90,6 +92,7 @@ impl OracleReport {
             }
         };
         self.rough_densities += u64::from(density_error.is_nan() || density_error > TOLERANCE);
+        self.coarse_densities += u64::from(density_error.is_nan() || density_error > COARSE);
         self.worst_weight = worst(self.worst_weight, weight_error);
         self.worst_sum = worst(self.worst_sum, sum_error);
         self.worst_density = worst(self.worst_density, density_error);
