@@ -1,6 +1,6 @@
 //! What the CPU backend renders, against analytic truth, brute force and images made by others.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
 
 mod common;
 
@@ -8,12 +8,12 @@ mod common;
 mod agreement;
 #[path = "render/agreement_lamps.rs"]
 mod agreement_lamps;
+#[path = "render/agreement_lights.rs"]
+mod agreement_lights;
 #[path = "render/agreement_materials.rs"]
 mod agreement_materials;
 #[path = "render/agreement_surfaces.rs"]
 mod agreement_surfaces;
-#[path = "render/agreement_lights.rs"]
-mod agreement_lights;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/bsdf_albedo.rs"]

@@ -30,17 +30,23 @@ pub struct ZTest {
     pub worst_p: f64,
     /// Column and row of the first pixel of that block, or `None` for the dark rest.
     pub worst_at: Option<[u32; 2]>,
-    /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
+    /// Ratio of the sums over the whole picture and all channels, first over second; NaN where the second is black.
     pub ratio: f64,
-    /// Deviate of the difference of those sums.
+    /// Deviate of the difference of the sums over the whole picture, of the channel where it is largest. Channels are not
+    /// added: they share their paths, so their noise adds up to more than independent noise would.
     pub z: f64,
 }
 
 impl ZTest {
-    /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests, over all blocks
-    /// [Sidak 1967]. The deviate of the sums counts as one comparison more.
+    /// The significance of each comparison when `alpha` is shared among `tests` such tests, over all blocks [Sidak 1967].
+    /// The deviates of the three sums count as comparisons too.
+    pub fn level(&self, alpha: f64, tests: usize) -> f64 {
+        sidak(alpha, (self.comparisons + 3) * tests.max(1))
+    }
+
+    /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests.
     pub fn agrees(&self, alpha: f64, tests: usize) -> bool {
-        let each = sidak(alpha, (self.comparisons + 1) * tests.max(1));
+        let each = self.level(alpha, tests);
         self.worst_p > each && normal_two_sided_p(self.z) > each
     }
 }
@@ -98,7 +104,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
         }
     };
     let mut dark = [Sums::default(); 3];
-    let mut whole = Sums::default();
+    let mut whole = [Sums::default(); 3];
     for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
         for (c, dark) in dark.iter_mut().enumerate() {
             let mut sums = Sums::default();
@@ -110,7 +116,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
                     variance: [first, second].map(|e| f64::from(e.variance.at(x, y)[c])),
                 });
             }
-            whole.add(sums);
+            whole[c].add(sums);
             if sums.second >= bright_enough {
                 judge(&sums, Some([bx * block, by * block]));
             } else {
@@ -119,7 +125,9 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
         }
     }
     dark.iter().filter(|sums| sums.first.max(sums.second) >= bright_enough).for_each(|sums| judge(sums, None));
-    ZTest { ratio: whole.first / whole.second, z: whole.z(), ..found }
+    let total = |of: fn(&Sums) -> f64| whole.iter().map(of).sum::<f64>();
+    let z = whole.iter().map(Sums::z).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+    ZTest { ratio: total(|s| s.first) / total(|s| s.second), z, ..found }
 }
 
 #[cfg(test)]

@@ -72,10 +72,12 @@ impl Picture {
         Picture { mean: cut(&self.mean), variance: cut(&self.variance), find: self.find }
     }
 
-    /// Sum of all pixels and channels, and the variance of that sum.
+    /// Sum of all pixels and channels, and the variance of that sum, from above: channels share their paths, and count as
+    /// wholly dependent.
     pub fn total(&self) -> (f64, f64) {
-        let sum = |image: &Image| image.data.iter().flatten().map(|v| f64::from(*v)).sum();
-        (sum(&self.mean), sum(&self.variance))
+        let sum = |image: &Image, c: usize| image.data.iter().map(|p| f64::from(p[c])).sum::<f64>();
+        let error: f64 = [0, 1, 2].map(|c| sum(&self.variance, c).sqrt()).iter().sum();
+        ([0, 1, 2].map(|c| sum(&self.mean, c)).iter().sum(), error * error)
     }
 
     /// How many finds made the picture, weighted by what they brought.
@@ -135,7 +137,7 @@ pub fn judge(first: &Picture, second: &Picture, block: u32, tests: usize) -> Jud
         ENOUGH_FINDS * first.find.max(second.find),
     );
     Judgement {
-        level: sidak(SIGNIFICANCE, (found.comparisons + 1) * tests.max(1)),
+        level: found.level(SIGNIFICANCE, tests),
         agrees: found.agrees(SIGNIFICANCE, tests),
         ratio_error: found.ratio * (va / (a * a) + vb / (b * b)).sqrt(),
         finds: first.finds().min(second.finds()),

@@ -35,7 +35,11 @@ impl ShearedRay {
         }
         let o = ray.origin.to_array();
         let inverse = 1.0 / d[kz];
-        ShearedRay { origin: [o[kx], o[ky], o[kz]], k: [kx, ky, kz], shear: [d[kx] * inverse, d[ky] * inverse, inverse] }
+        ShearedRay {
+            origin: [o[kx], o[ky], o[kz]],
+            k: [kx, ky, kz],
+            shear: [d[kx] * inverse, d[ky] * inverse, inverse],
+        }
     }
 }
 
