@@ -7,7 +7,6 @@ use serde_json::{Value as Json, json};
 use super::technique::Technique;
 use super::{Outcome, SIGNIFICANCE, Verdict};
 use crate::film::{Film, Image};
-use crate::math::stats::sidak;
 use crate::metrics::ztest::{self, Estimate, ZTest};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer};
