@@ -1,7 +1,9 @@
 //! Integrators agree on surfaces of the Disney model.
 //!
-//! Glass is not smoother than here: connections through narrower lobes, shared without weights by `mis = "none"`, have
-//! tails so heavy that this many samples do not show their own variance. The weighted variants agree there too.
+//! Glass is not smoother than here: at roughness 0.35 and 0.2 the strategies of `bdpt` that `mis = "none"` shares without
+//! weights have such heavy tails that a z-test of them means nothing. Of the whole picture's red mean of 0.401, three runs
+//! of 900 samples found 0.384 to 0.392, with errors said to be 0.003, and one with a bright find 0.410; 36,000 samples
+//! found 0.411 +- 0.015.
 
 use glam::Vec3;
 use lumbre::scene::compile::Material;
