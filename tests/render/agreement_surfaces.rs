@@ -66,16 +66,23 @@ fn masked_leaves() {
     }
 }
 
-/// Adds a coarse ball of eight by five quads with smooth normals.
-fn coarse_ball(mut builder: SceneBuilder, center: Vec3, radius: f32, material: Material) -> Arc<CompiledScene> {
+/// Adds a coarse ball of so many slices and half as many stacks, with smooth normals.
+fn coarse_ball(
+    slices: usize,
+    mut builder: SceneBuilder,
+    center: Vec3,
+    radius: f32,
+    material: Material,
+) -> Arc<CompiledScene> {
     let first = builder.triangle_count();
     let point = |i: usize, j: usize| {
-        let (a, b) = (i as f32 / 8.0 * std::f32::consts::TAU, j as f32 / 5.0 * std::f32::consts::PI);
+        let angle = |i: usize| i as f32 / slices as f32 * std::f32::consts::TAU;
+        let (a, b) = (angle(i), angle(j));
         Vec3::new(b.sin() * a.sin(), b.cos(), b.sin() * a.cos())
     };
     let mut normals = Vec::new();
-    for i in 0..8 {
-        for j in 0..5 {
+    for i in 0..slices {
+        for j in 0..slices / 2 {
             let [a, b, c, d] = [point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)];
             for corners in [[a, b, c], [a, c, d]] {
                 if (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() > 1e-3 {
@@ -99,7 +106,7 @@ fn overhangs_of_a_coarse_ball() {
     for material in [grey(0.8), gold, Material { metallic: 0.5, ..grey(0.8) }] {
         let builder = room(EYE);
         let material = Material { shadow_terminator: true, ..material };
-        agree_with_bpt(&coarse_ball(builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material), 5, None, 1200);
+        agree_with_bpt(&coarse_ball(8, builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material), 5, None, 1200);
     }
 }
 
@@ -108,7 +115,7 @@ fn overhangs_of_a_coarse_ball() {
 fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
     let material = Material { shadow_terminator, ..grey(0.8) };
     let builder = SceneBuilder::new(Vec3::Z * 30.0, Vec3::ZERO, 4.2);
-    let mut scene = Arc::unwrap_or_clone(coarse_ball(builder, Vec3::ZERO, 1.0, material));
+    let mut scene = Arc::unwrap_or_clone(coarse_ball(16, builder, Vec3::ZERO, 1.0, material));
     let direction = Vec3::new(1.0, -0.2, -0.1).normalize_or(Vec3::X);
     scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(std::f32::consts::PI) });
     let scene = Arc::new(scene);
@@ -125,7 +132,8 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
         let Some(hit) = accel.closest(&ray, f32::INFINITY) else { continue };
         let surface = Surface::at(&scene, &ray, &hit);
         let cos = -surface.n_shading.dot(direction);
-        if cos > 0.0 {
+        // Seen from behind its shading normal, a point is black with or without an overhang.
+        if cos > 0.0 && surface.n_shading.dot(dir) < 0.0 {
             found += sum[0];
             expected += 0.8 * f64::from(cos);
             hidden += usize::from(sum[0] == 0.0);
@@ -137,9 +145,8 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
 #[test]
 fn overhangs_light_all_that_the_shading_normals_show_to_the_light() {
     let (found, expected, hidden) = terminator(true);
-    assert!((found / expected - 1.0).abs() < 0.002, "{found} instead of {expected}");
+    assert!((found / expected - 1.0).abs() < 1e-4 && hidden == 0, "{found} instead of {expected}, black: {hidden}");
     let (less, same, black) = terminator(false);
     assert_eq!(same, expected);
-    assert!(less < 0.97 * expected && black > 100 + hidden, "{less} of {expected}, black: {black}, {hidden}");
-    assert!(hidden < 10, "{hidden}");
+    assert!(less < 0.995 * expected && black > 50, "{less} of {expected}, black: {black}");
 }
