@@ -106,15 +106,19 @@ impl Disney {
             || self.coat.strength > 0.0
     }
 
-    /// Probabilities in proportion to what each lobe is estimated to reflect; `None` where nothing does.
+    /// Probabilities in proportion to what each lobe is estimated to reflect; `None` where nothing does. Reflectance is
+    /// estimated by Schlick's formula for all lobes: close enough to choose by, and free of square roots.
     #[inline]
     fn choice(&self, cos_o: f32) -> Option<Choice> {
         let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
-        let mut reflection = mean(self.opaque_reflectance(cos_o));
+        let rise = fresnel::schlick_weight(cos_o);
+        let estimate = |f0: f32| f0 + (1.0 - f0) * rise;
+        let color = mean(self.base_color);
+        let mut reflection = self.opaque * estimate(f0_of(self.ior)) + self.metallic * estimate(color);
         if !self.smooth {
             reflection += LEAST_ROUGH * (self.opaque + self.metallic);
         }
-        let diffuse = self.opaque * (mean(self.base_color) + 0.25 * mean(self.diffuse.sheen));
+        let diffuse = self.opaque * (color + 0.25 * mean(self.diffuse.sheen));
         let coat = self.coat.reflectance(cos_o);
         let total = diffuse + reflection + self.refractive + coat;
         (total > 0.0).then(|| {
@@ -143,6 +147,18 @@ impl Disney {
         self.density(o, i, ior, Mode::Radiance, Some(&choice)).1
     }
 
+    /// [`Disney::eval`], [`Disney::pdf_w`] and the same with the directions exchanged, for little more than one of them.
+    #[inline]
+    pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: Mode) -> (Vec3, [f32; 2]) {
+        let (o, i, eta) = self.upper(wo, wi);
+        if o.z > 0.0 && i.z > 0.0 {
+            let choices = [self.choice(o.z), self.choice(i.z)];
+            return self.reflected(o, i, eta, choices.each_ref().map(Option::as_ref));
+        }
+        let (f, pdf_w) = self.density(o, i, eta, mode, self.choice(o.z).as_ref());
+        (f, [pdf_w, self.pdf_w(wi, wo)])
+    }
+
     /// Both directions mirrored so that `wo` is on the upper side, and the index of the lower one.
     #[inline]
     fn upper(&self, wo: Vec3, wi: Vec3) -> (Vec3, Vec3, f32) {
@@ -159,38 +175,48 @@ impl Disney {
         if o.z <= 0.0 || i.z == 0.0 {
             return (Vec3::ZERO, 0.0);
         }
-        if i.z > 0.0 { self.reflected(o, i, eta, choice) } else { self.transmitted(o, i, eta, mode, choice) }
+        if i.z > 0.0 {
+            let (f, [pdf_w, _]) = self.reflected(o, i, eta, [choice, None]);
+            (f, pdf_w)
+        } else {
+            self.transmitted(o, i, eta, mode, choice)
+        }
     }
 
-    #[inline]
-    fn reflected(&self, o: Vec3, i: Vec3, eta: f32, choice: Option<&Choice>) -> (Vec3, f32) {
+    /// Value and densities of reflection: of `i` given `o` and of `o` given `i`, each where the probabilities of the lobes
+    /// seen from there are given, and else zero.
+    #[inline(always)]
+    fn reflected(&self, o: Vec3, i: Vec3, eta: f32, choices: [Option<&Choice>; 2]) -> (Vec3, [f32; 2]) {
         let mut f = Vec3::ZERO;
-        let mut pdf = 0.0;
+        let mut pdf = [0.0; 2];
+        let mut add = |densities: [f32; 2], probability: fn(&Choice, f32) -> f32, r: f32| {
+            for (k, choice) in choices.iter().enumerate() {
+                if let Some(c) = choice {
+                    pdf[k] += probability(c, r) * densities[k];
+                }
+            }
+        };
         if self.opaque > 0.0 {
             f += self.diffuse.eval(o, i) * self.opaque;
-            if let Some(c) = choice {
-                pdf += c.diffuse * warp::cosine_hemisphere_pdf_w(i.z);
-            }
+            add([i.z, o.z].map(warp::cosine_hemisphere_pdf_w), |c, _| c.diffuse, 0.0);
         }
         let h = (o + i).normalize_or(Vec3::Z);
         let cos = o.dot(h);
         if !self.smooth {
-            let microfacets = 0.25 * self.ggx.pdf_over_dot(o, h);
+            let d = 0.25 * self.ggx.d(h);
+            let seen = [o, i].map(|w| self.ggx.masking_over_cos(w));
             let mut reflectance = self.opaque_reflectance(cos);
-            let mut probability = choice.map_or(0.0, |c| c.reflection);
+            let mut r = 0.0;
             if self.refractive > 0.0 && !self.smooth_glass() {
-                let r = fresnel::dielectric(cos, eta).reflectance;
+                r = fresnel::dielectric(cos, eta).reflectance;
                 reflectance += Vec3::splat(self.refractive * r);
-                probability += choice.map_or(0.0, |c| c.glass * r);
             }
-            f += reflectance * (microfacets * self.ggx.masking_over_cos(i));
-            pdf += probability * microfacets;
+            f += reflectance * (seen[0] * d * seen[1]);
+            add(seen.map(|masking| masking * d), |c, r| c.reflection + c.glass * r, r);
         }
         if self.coat.strength > 0.0 {
             f = f * self.coat.passes(o.z, i.z) + Vec3::splat(self.coat.eval(o, i, h));
-            if let Some(c) = choice {
-                pdf += c.coat * self.coat.pdf_w(o, h);
-            }
+            add([self.coat.pdf_w(o, h); 2], |c, _| c.coat, 0.0);
         }
         (f, pdf)
     }

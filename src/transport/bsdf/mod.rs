@@ -103,6 +103,17 @@ pub struct BsdfSample {
     pub eta: f32,
 }
 
+/// A value with the densities of both directions in which a path may run through it; Dirac lobes are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfValue {
+    /// As [`Bsdf::eval`].
+    pub f: Vec3,
+    /// Density per solid angle of `wi` given `wo`, as [`Bsdf::pdf_w`].
+    pub pdf_w: f32,
+    /// Density per solid angle of `wo` given `wi`.
+    pub reverse_pdf_w: f32,
+}
+
 /// The BSDF at a point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
@@ -183,6 +194,28 @@ impl Bsdf {
             Kind::Ideal(k) => k.pdf_w(o, i),
             Kind::Disney(k) => k.pdf_w(o, i),
         })
+    }
+
+    /// Value and both densities at once: much cheaper than one by one.
+    #[inline]
+    pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: Mode) -> BsdfValue {
+        let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
+        let (f, [pdf_w, reverse_pdf_w]) = match &self.kind {
+            Kind::Ideal(k) => (k.eval(o, i), [k.pdf_w(o, i), k.pdf_w(i, o)]),
+            Kind::Disney(k) => k.evaluate(o, i, mode),
+        };
+        let f = match mode {
+            Mode::Radiance => f,
+            Mode::Importance => f * self.adjoint(wo, wi, o, i),
+        };
+        let lets_through = |w: Vec3, local: Vec3, other: Vec3, l: Vec3, mode: Mode| {
+            self.agrees(w, local) && self.lets_in(other, l, local, mode)
+        };
+        BsdfValue {
+            f: if lets_through(wo, o, wi, i, mode) { f } else { Vec3::ZERO },
+            pdf_w: if lets_through(wo, o, wi, i, Mode::Radiance) { pdf_w } else { 0.0 },
+            reverse_pdf_w: if lets_through(wi, i, wo, o, Mode::Radiance) { reverse_pdf_w } else { 0.0 },
+        }
     }
 
     /// Whether any lobe has a density, so that a connection to a light can carry something.

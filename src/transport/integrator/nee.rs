@@ -142,8 +142,8 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
 
 /// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
 fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
-    let f = bsdf.eval(wo, direct.wi, Mode::Radiance) * direct.wi.dot(surface.n_shading).abs();
-    let radiance = f * direct.radiance / direct.pdf_w;
+    let value = bsdf.evaluate(wo, direct.wi, Mode::Radiance);
+    let radiance = value.f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
     let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
     if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
         return None;
@@ -156,7 +156,7 @@ fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: 
     };
     lit.then(|| {
         let weight = match context.settings.mis {
-            Some(h) if !direct.delta => h.weight(direct.pdf_w, bsdf.pdf_w(wo, direct.wi)),
+            Some(h) if !direct.delta => h.weight(direct.pdf_w, value.pdf_w),
             _ => 1.0,
         };
         (radiance, weight)

@@ -59,8 +59,8 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
 pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sampler) -> Option<Connection> {
     let choice = sampler.next_1d();
     let d = context.lights.sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
-    let f = z.bsdf.eval(z.wo, d.wi, Mode::Radiance) * z.cos(d.wi);
-    let unweighted = z.throughput * f * d.radiance / d.pdf_w;
+    let at_z = z.bsdf.evaluate(z.wo, d.wi, Mode::Radiance);
+    let unweighted = z.throughput * at_z.f * z.cos(d.wi) * d.radiance / d.pdf_w;
     let refused = z.overhang.is_some_and(|o| o.refuses(&d));
     if refused || unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
         return None;
@@ -72,7 +72,7 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
     };
     lit.then(|| {
         let end = LightEnd::new(context, &d.point, -d.wi, z.position, z.n_geometric);
-        let others = others_of_next_event(h, z, &end, d.wi);
+        let others = others_of_next_event(h, z, &end, &at_z);
         Connection { unweighted, others, point: Some(d.point), wi: d.wi }
     })
 }
@@ -88,17 +88,17 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     if !wi.is_finite() {
         return None;
     }
-    let f = z.bsdf.eval(z.wo, wi, Mode::Radiance) * z.cos(wi);
-    if f == Vec3::ZERO {
+    let at_z = z.bsdf.evaluate(z.wo, wi, Mode::Radiance);
+    if at_z.f == Vec3::ZERO {
         return None;
     }
-    let g = y.bsdf.eval(y.wo, -wi, Mode::Importance) * y.cos(-wi);
-    let unweighted = y.throughput * g * f * z.throughput / distance2;
+    let at_y = y.bsdf.evaluate(y.wo, -wi, Mode::Importance);
+    let unweighted = y.throughput * at_y.f * y.cos(-wi) * at_z.f * z.cos(wi) * z.throughput / distance2;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, z.position, z.n_geometric, y.position, y.n_geometric)
     {
         return None;
     }
-    Some(Connection { unweighted, others: others_of_ends(h, y, z, wi), point: None, wi })
+    Some(Connection { unweighted, others: others_of_ends(h, y, z, &at_y, &at_z), point: None, wi })
 }
 
 /// `s >= 2`, `t = 1`: the end of the light subpath, seen by the camera.
@@ -110,12 +110,12 @@ pub fn lens(
     sampler: &mut Sampler,
 ) -> Option<(Connection, CameraConnection)> {
     let c = context.camera.connect(y.position, sampler.next_2d(), sampler.next_2d())?;
-    let f = y.bsdf.eval(y.wo, -c.dir, Mode::Importance) * y.cos(-c.dir);
-    let unweighted = y.throughput * f * c.importance;
+    let at_y = y.bsdf.evaluate(y.wo, -c.dir, Mode::Importance);
+    let unweighted = y.throughput * at_y.f * y.cos(-c.dir) * c.importance;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO) {
         return None;
     }
-    let others = others_of_lens(h, y, c.lens, c.dir, c.pdf_w);
+    let others = others_of_lens(h, y, c.lens, &at_y, c.pdf_w);
     Some((Connection { unweighted, others, point: None, wi: c.dir }, c))
 }
 

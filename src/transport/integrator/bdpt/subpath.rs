@@ -316,10 +316,10 @@ impl Vertex {
         Some(Vertex { position: over.crest, n_geometric: Vec3::ZERO, overhang, ..*self })
     }
 
-    /// The other side's density of the vertex before, for a path that comes from `wi`.
+    /// The other side's density of the vertex before, where its BSDF goes there with density `reverse_pdf_w`.
     #[inline]
-    pub fn density_before(&self, wi: Vec3) -> f64 {
-        if self.back > 0.0 { f64::from(self.bsdf.pdf_w(wi, self.wo)) * f64::from(self.back) } else { 0.0 }
+    pub fn density_before(&self, reverse_pdf_w: f32) -> f64 {
+        if self.back > 0.0 { f64::from(reverse_pdf_w) * f64::from(self.back) } else { 0.0 }
     }
 
     /// The edge on which the path goes on into `wi`, which was found with density `pdf_w` or, if `self.delta`, by a Dirac
@@ -335,7 +335,7 @@ impl Vertex {
             };
             (f64::from(out), f64::from(back) * f64::from(self.back))
         } else {
-            (f64::from(pdf_w), self.density_before(wi))
+            (f64::from(pdf_w), self.density_before(self.bsdf.pdf_w(wi, self.wo)))
         };
         let link = self.chain.onward(h, self.delta, before);
         let (n, from) = match self.overhang {

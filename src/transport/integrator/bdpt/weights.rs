@@ -29,6 +29,7 @@ use glam::Vec3;
 
 use super::subpath::Vertex;
 use crate::transport::integrator::Context;
+use crate::transport::bsdf::BsdfValue;
 use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::vertex;
@@ -128,30 +129,29 @@ pub fn others_of_hit(h: Heuristic, chain: &Chain, end: &LightEnd, t: u32) -> f64
     chain.others_at_end(h, last, end.start, end.next)
 }
 
-/// Beside `s = 1`, `t >= 2`, for light sampled in direction `wi` from the end of the camera path.
+/// Beside `s = 1`, `t >= 2`, for light sampled from the end of the camera path, whose BSDF towards it is `at_z`.
 #[inline]
-pub fn others_of_next_event(h: Heuristic, z: &Vertex, end: &LightEnd, wi: Vec3) -> f64 {
+pub fn others_of_next_event(h: Heuristic, z: &Vertex, end: &LightEnd, at_z: &BsdfValue) -> f64 {
     // Meeting the light instead of sampling it.
-    let met =
-        if end.back > 0.0 { h.term(f64::from(z.bsdf.pdf_w(z.wo, wi)) * f64::from(end.back) / end.direct) } else { 0.0 };
+    let met = if end.back > 0.0 { h.term(f64::from(at_z.pdf_w) * f64::from(end.back) / end.direct) } else { 0.0 };
     // Going on from the light instead of stopping at it.
-    met + h.term(end.start / end.direct) * z.chain.others(h, end.next, z.density_before(wi))
+    met + h.term(end.start / end.direct) * z.chain.others(h, end.next, z.density_before(at_z.reverse_pdf_w))
 }
 
-/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths with `wi` the direction from the camera's to the light's.
+/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths, whose BSDFs towards each other are `at_y` and `at_z`.
 #[inline]
-pub fn others_of_ends(h: Heuristic, y: &Vertex, z: &Vertex, wi: Vec3) -> f64 {
+pub fn others_of_ends(h: Heuristic, y: &Vertex, z: &Vertex, at_y: &BsdfValue, at_z: &BsdfValue) -> f64 {
     let to = |from: &Vertex, to: &Vertex| f64::from(vertex::area_factor(from.position, to.position, to.n_geometric));
-    let at_y = f64::from(z.bsdf.pdf_w(z.wo, wi)) * to(z, y);
-    let at_z = f64::from(y.bsdf.pdf_w(y.wo, -wi)) * to(y, z);
-    y.chain.others(h, at_y, y.density_before(-wi)) + z.chain.others(h, at_z, z.density_before(wi))
+    let reaches_y = f64::from(at_z.pdf_w) * to(z, y);
+    let reaches_z = f64::from(at_y.pdf_w) * to(y, z);
+    y.chain.others(h, reaches_y, y.density_before(at_y.reverse_pdf_w)) + z.chain.others(h, reaches_z, z.density_before(at_z.reverse_pdf_w))
 }
 
-/// Beside `s >= 2`, `t = 1`, for the end of a light path seen from a point of the lens in direction `dir`.
+/// Beside `s >= 2`, `t = 1`, for the end of a light path seen from a point of the lens, towards which its BSDF is `at_y`.
 #[inline]
-pub fn others_of_lens(h: Heuristic, y: &Vertex, lens: Vec3, dir: Vec3, pdf_w: f32) -> f64 {
+pub fn others_of_lens(h: Heuristic, y: &Vertex, lens: Vec3, at_y: &BsdfValue, pdf_w: f32) -> f64 {
     let here = f64::from(pdf_w) * f64::from(vertex::area_factor(lens, y.position, y.n_geometric));
-    y.chain.others(h, here, y.density_before(-dir))
+    y.chain.others(h, here, y.density_before(at_y.reverse_pdf_w))
 }
 
 /// Beside `s = 1`, `t = 1`, for a light's point seen from a point of the lens.

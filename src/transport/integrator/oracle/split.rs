@@ -41,9 +41,19 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
             others_of_hit(h, &chain, &end(edge.from, edge.origin.normal()), k as u32 + 1)
         }
         (1, _, None) => others_of_seen(h, &end(path.lens, Vec3::ZERO), seen_pdf_w),
-        (1, _, Some(z)) => others_of_next_event(h, &z, &end(z.position, z.n_geometric), -path.dirs[0]),
-        (_, Some(y), Some(z)) => others_of_ends(h, &y, &z, -path.dirs[s - 1]),
-        (_, Some(y), None) => others_of_lens(h, &y, path.lens, -path.dirs[k - 1], seen_pdf_w),
+        (1, _, Some(z)) => {
+            let at_z = z.bsdf.evaluate(z.wo, -path.dirs[0], Mode::Radiance);
+            others_of_next_event(h, &z, &end(z.position, z.n_geometric), &at_z)
+        }
+        (_, Some(y), Some(z)) => {
+            let at_y = y.bsdf.evaluate(y.wo, path.dirs[s - 1], Mode::Importance);
+            let at_z = z.bsdf.evaluate(z.wo, -path.dirs[s - 1], Mode::Radiance);
+            others_of_ends(h, &y, &z, &at_y, &at_z)
+        }
+        (_, Some(y), None) => {
+            let at_y = y.bsdf.evaluate(y.wo, path.dirs[k - 1], Mode::Importance);
+            others_of_lens(h, &y, path.lens, &at_y, seen_pdf_w)
+        }
         (_, None, _) => return None,
     })
 }
