@@ -7,7 +7,6 @@ use serde_json::{Value as Json, json};
 use super::technique::Technique;
 use super::{Outcome, SIGNIFICANCE, Verdict};
 use crate::film::{Film, Image};
-use crate::math::stats::sidak;
 use crate::metrics::ztest::{self, Estimate, ZTest};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer};
@@ -72,10 +71,11 @@ impl Picture {
         Picture { mean: cut(&self.mean), variance: cut(&self.variance), find: self.find }
     }
 
-    /// Sum of all pixels and channels, and the variance of that sum.
+    /// Sum of all pixels and channels, and its standard error as if channels shared all of their noise.
     pub fn total(&self) -> (f64, f64) {
-        let sum = |image: &Image| image.data.iter().flatten().map(|v| f64::from(*v)).sum();
-        (sum(&self.mean), sum(&self.variance))
+        let pixels = self.mean.data.len() as f64;
+        let sum = |of: [f64; 3]| of.map(|mean| mean * pixels);
+        (sum(self.mean.mean()).iter().sum(), sum(self.variance.mean()).map(f64::sqrt).iter().sum())
     }
 
     /// How many finds made the picture, weighted by what they brought.
@@ -126,7 +126,7 @@ pub struct Judgement {
 
 /// Compares two pictures by blocks of `block` pixels a side; blocks where too little light was found are pooled.
 pub fn judge(first: &Picture, second: &Picture, block: u32, tests: usize) -> Judgement {
-    let ((a, va), (b, vb)) = (first.total(), second.total());
+    let ((a, ea), (b, eb)) = (first.total(), second.total());
     let found = ztest::compare(
         Estimate { mean: &first.mean, variance: &first.variance },
         Estimate { mean: &second.mean, variance: &second.variance },
@@ -134,9 +134,9 @@ pub fn judge(first: &Picture, second: &Picture, block: u32, tests: usize) -> Jud
         ENOUGH_FINDS * first.find.max(second.find),
     );
     Judgement {
-        level: sidak(SIGNIFICANCE, (found.comparisons + 1) * tests.max(1)),
+        level: found.level(SIGNIFICANCE, tests),
         agrees: found.agrees(SIGNIFICANCE, tests),
-        ratio_error: found.ratio * (va / (a * a) + vb / (b * b)).sqrt(),
+        ratio_error: found.ratio * (ea / a).hypot(eb / b),
         finds: first.finds().min(second.finds()),
         found,
     }
