@@ -22,3 +22,5 @@ mod intersection;
 mod lights;
 #[path = "render/references.rs"]
 mod references;
+#[path = "render/sampling.rs"]
+mod sampling;

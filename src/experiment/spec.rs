@@ -157,6 +157,8 @@ pub struct CellConfig {
     pub rr_start: Option<u32>,
     /// Pixel filter.
     pub filter: FilterSpec,
+    /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
+    pub sampler: String,
     /// Changes to the scene by path, `camera` ones included.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.

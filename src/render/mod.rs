@@ -13,6 +13,7 @@ use crate::film::Film;
 use crate::scene::CompiledScene;
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
 /// Everything besides the scene that decides a picture.
@@ -30,6 +31,8 @@ pub struct Job {
     pub rr_start: Option<u32>,
     /// Pixel filter.
     pub filter: FilterSpec,
+    /// Where the numbers of samples come from.
+    pub sampler: &'static SamplerRow,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.

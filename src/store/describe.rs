@@ -100,6 +100,7 @@ fn config_json(config: &CellConfig) -> Json {
         "resolution": config.resolution,
         "rr_start": config.rr_start,
         "aa": { "filter": kind, "radius": config.filter.radius },
+        "sampler": config.sampler,
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,
     })

@@ -6,7 +6,13 @@ use lumbre::scene::{CompiledScene, SceneDesc, compile};
 
 use super::builtin_path;
 
-const SCENES: [&str; 3] = ["cornell/cornell.scn", "cornell_spheres/cornell_spheres.scn", "veach_lamps/veach_lamps.scn"];
+const SCENES: [&str; 5] = [
+    "cornell/cornell.scn",
+    "cornell_spheres/cornell_spheres.scn",
+    "veach_lamps/veach_lamps.scn",
+    "lamp_row/lamp_row.scn",
+    "edges/edges.scn",
+];
 
 fn builtin(name: &str) -> (SceneDesc, CompiledScene) {
     let (desc, notes) = load(&builtin_path(name)).unwrap_or_else(|e| panic!("{e}"));

@@ -12,6 +12,7 @@ use crate::render::{Job, backend};
 use crate::scene::{CompiledScene, compile, load};
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::integrator::INTEGRATORS;
+use crate::transport::sampler::INDEPENDENT;
 
 /// The rates of one scene.
 pub struct Row {
@@ -55,6 +56,7 @@ fn paths(scene: &Arc<CompiledScene>, name: &str, threads: usize, repeats: usize)
         max_depth: scene.max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        sampler: INDEPENDENT,
         seed: 1,
         threads,
     };

@@ -16,7 +16,6 @@ use crate::transport::camera::Camera;
 use crate::transport::integrator::Context;
 use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray, Trace};
-use crate::transport::sampler::Sampler;
 
 /// A run on the CPU.
 ///
@@ -169,7 +168,7 @@ impl Renderer for CpuRenderer {
                 for sample in first..first + samples {
                     let mut value = Vec3::ZERO;
                     let mut invalid = 0;
-                    let mut sampler = Sampler::new(job.seed, pixel, sample);
+                    let mut sampler = (job.sampler.start)(job.seed, pixel, sample);
                     (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
                         if c.t != 1 && c.pixel == pixel {
                             value += c.value;
