@@ -13,6 +13,10 @@
 //! - a single number has exactly one point in every interval of length `1 / n`;
 //! - single and following pair together have exactly two in every such box of volume `2 / n`: a (1,3)-sequence.
 //!
+//! The price is paid where an integrand is nothing but interaction of groups: consecutive samples lie in opposite halves in
+//! every group, so products of two groups see them as one sample, and have up to twice the variance of independent
+//! numbers. What depends on one group alone, or on a sum over groups, is what gains.
+//!
 //! Between groups, pixels and seeds numbers are independent, and a single sample is uniform over the whole space, so
 //! the mean of a picture does not change. One sequence has 2^32 samples; the next 2^32 of a pixel are another,
 //! scrambled anew. Numbers keep 24 binary digits.
@@ -62,13 +66,13 @@ impl Sobol {
             self.open();
         }
         self.singles += 1;
-        let (matrix, word) = if self.singles == 1 {
-            (&DIMENSION_2, self.words[3])
+        let (table, word) = if self.singles == 1 {
+            (&TABLE_2, self.words[3])
         } else {
             // Rare enough to hash once more for it.
-            (&DIMENSION_3, pcg4d(self.words)[0])
+            (&TABLE_3, pcg4d(self.words)[0])
         };
-        unit(scramble(multiply(matrix, self.point), word))
+        unit(scramble(multiply(table, self.point), word))
     }
 
     /// The next two numbers, each in `[0, 1)`.
@@ -141,14 +145,33 @@ const DIMENSION_2: [u32; 32] = directions(2, 1, &[1, 3]);
 /// Generator of the fourth dimension, x^3 + x + 1.
 const DIMENSION_3: [u32; 32] = directions(3, 1, &[1, 3, 1]);
 
+/// Products of a generator matrix with every value of each byte of an index.
+type Table = [[u32; 256]; 4];
+
+static TABLE_2: Table = table(&DIMENSION_2);
+static TABLE_3: Table = table(&DIMENSION_3);
+
+const fn table(matrix: &[u32; 32]) -> Table {
+    let mut table = [[0; 256]; 4];
+    let mut byte = 0;
+    while byte < 4 {
+        let mut value = 1;
+        while value < 256 {
+            // What is known for the value without its lowest bit, and that bit's column.
+            let low = (value as u32).trailing_zeros() as usize;
+            table[byte][value] = table[byte][value & (value - 1)] ^ matrix[8 * byte + low];
+            value += 1;
+        }
+        byte += 1;
+    }
+    table
+}
+
 /// The product of a generator matrix and an index, in arithmetic modulo two.
 #[inline]
-fn multiply(matrix: &[u32; 32], index: u32) -> u32 {
-    let mut x = 0;
-    for (i, column) in matrix.iter().enumerate() {
-        x ^= column & 0u32.wrapping_sub((index >> i) & 1);
-    }
-    x
+fn multiply(table: &Table, index: u32) -> u32 {
+    let [a, b, c, d] = index.to_le_bytes().map(usize::from);
+    table[0][a] ^ table[1][b] ^ table[2][c] ^ table[3][d]
 }
 
 /// The second dimension, x + 1, in five steps: its matrix is Pascal's triangle modulo two, which is a fivefold tensor
