@@ -11,6 +11,7 @@ use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use crate::scene::load::FORMATS;
 use crate::script::docgen;
 use crate::transport::integrator::INTEGRATORS;
+use crate::transport::sampler::SAMPLERS;
 use crate::value::schema::{Field, Table, Ty};
 
 /// Prints the annotations for editors, or the tables as JSON.
@@ -28,6 +29,8 @@ fn tables() -> Json {
         "integrators": INTEGRATORS.iter().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "revision": r.revision, "doc": r.doc, "params": table(&r.params),
         })).collect::<Vec<_>>(),
+        "samplers": SAMPLERS.iter().map(|r| json!({ "name": r.name, "revision": r.revision, "doc": r.doc }))
+            .collect::<Vec<_>>(),
         "metrics": METRICS.iter().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "doc": r.doc, "options": table(&r.options),
             "better": match r.better { Better::Lower => "lower", Better::Higher => "higher" },
