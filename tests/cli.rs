@@ -1,6 +1,8 @@
 //! The program end to end, on the mock backend: what is printed, what is written, and how it exits.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+#[path = "cli/compare.rs"]
+mod compare;
 #[path = "cli/errors.rs"]
 mod errors;
 #[path = "cli/nights.rs"]

@@ -6,6 +6,7 @@
 mod args;
 mod bench;
 mod check;
+mod compare;
 mod docs;
 mod doctor;
 mod exit;
@@ -57,6 +58,8 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Schema(args) => schema::main(args),
         Verb::Doctor(args) => doctor::main(args, global),
         Verb::Bench(args) => measure(args, global),
+        Verb::Metric(args) => compare::metric(args, global),
+        Verb::Diff(args) => compare::diff(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
     }
