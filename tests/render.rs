@@ -6,6 +6,8 @@ mod common;
 
 #[path = "render/agreement.rs"]
 mod agreement;
+#[path = "render/agreement_lamps.rs"]
+mod agreement_lamps;
 #[path = "render/bsdf.rs"]
 mod bsdf;
 #[path = "render/camera.rs"]
@@ -20,5 +22,7 @@ mod furnace;
 mod intersection;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/oracle.rs"]
+mod oracle;
 #[path = "render/references.rs"]
 mod references;

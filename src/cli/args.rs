@@ -35,6 +35,7 @@ Exit codes:
     2  usage, script or scene error, found before any work
     3  some cells failed
     4  a limit was reached with work left
+    5  verification failed
    75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
   130  ended by Ctrl-C (143 by a second SIGTERM)
 
@@ -83,7 +84,26 @@ pub enum Verb {
     Schema(SchemaArgs),
     /// Say what this machine offers: backends, cores, terminal, a writable out/
     Doctor(DoctorArgs),
+    /// Check light transport: against theory, techniques against each other, and against images by others
+    ///
+    /// Every check compares pictures block by block, as estimates with noise, and ends in a verdict. All checks together
+    /// call a correct program wrong with a probability of one in a thousand, whatever the seed. Checks:
+    ///
+    ///   analytic   scenes whose radiance is known in closed form
+    ///   density    the weights of bdpt, path by path, against their definition
+    ///   agreement  the built-in scenes by every integrator and every variant of its parameters
+    ///   reference  images made by others, with --scenes
+    ///
+    /// Exit code 5 says that a check failed.
+    #[command(verbatim_doc_comment)]
+    Verify(VerifyArgs),
     /// Measure the program itself and write out/bench.json
+    ///
+    /// For every scene: rays per second by kind; and for every integrator camera paths per second with their spread over
+    /// the repetitions, the variance of one sample per pixel (mean over pixels and channels), the efficiency
+    /// 1 / (variance x seconds per sample of every pixel), and the time to a relative RMSE of 5 %: the root of the mean
+    /// squared error over the mean of the picture. The last three are a dash where an integrator found light too rarely
+    /// for its variance to be known.
     Bench(BenchArgs),
     /// Measure a picture against a reference: EXR, HDR, PNG, JPEG or BMP files from anywhere
     ///
@@ -183,11 +203,37 @@ pub struct DoctorArgs {
     pub json: bool,
 }
 
+/// `lumbre verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// The folder below which the scenes of references lie; without it references are skipped
+    #[arg(long, value_name = "DIR")]
+    pub scenes: Option<PathBuf>,
+    /// The folder of references: EXR, EXR of standard errors, JSON of settings [default: `references` beside the scenes]
+    #[arg(long, value_name = "DIR")]
+    pub references: Option<PathBuf>,
+    /// Few samples and small pictures: seconds, and only large mistakes are found
+    #[arg(long)]
+    pub quick: bool,
+    /// Seed of all random numbers; each seed repeats to the bit
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `lumbre bench`.
 #[derive(Args, Debug)]
 pub struct BenchArgs {
     /// Scene files to measure besides the built-in scenes
     pub scenes: Vec<PathBuf>,
+    /// Measure the given scenes alone: neither the built-in ones nor the program's own overheads
+    #[arg(long, requires = "scenes")]
+    pub only: bool,
+    /// Repetitions of every measurement; medians are reported, and the spread of the rates
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repeats: u32,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

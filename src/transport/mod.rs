@@ -21,8 +21,10 @@
 //! | f_r, f_t | [`bsdf::Bsdf::eval`] |
 //! | p(omega) | `pdf_w` |
 //! | p(x) | `pdf_a` |
-//! | eta = n_i / n_t | `eta` |
+//! | eta = n_2 / n_1, the side entered over the side left | `eta` |
 //! | k = s + t - 1 | [`contribution::Contribution::depth`] |
+//!
+//! docs/transport.md maps every symbol of the sources, and lists what of them is corrected.
 //!
 //! # Bibliography
 //! [Kajiya 1986] The Rendering Equation. [Veach 1997] Robust Monte Carlo Methods for Light Transport Simulation.

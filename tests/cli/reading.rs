@@ -108,6 +108,28 @@ fn the_doctor_names_backends_cores_and_terminal() {
 }
 
 #[test]
+fn the_bench_measures_every_integrator_and_keeps_the_figures() {
+    let place = Workplace::new();
+    place.write("ball.scn", super::verify::SCENE);
+    let ended = place.succeed(&["bench", "ball.scn", "--only", "--repeats", "3"]);
+    let kept = place.json("out/bench.json");
+    assert_eq!((&kept["repeats"], &kept["relative_rmse"]), (&3.into(), &0.05.into()));
+    let [scene] = &kept["scenes"].as_array().unwrap()[..] else { panic!("{kept}") };
+    assert_eq!(scene["scene"], "ball.scn");
+    for name in lumbre::transport::integrator::INTEGRATORS.iter().map(|row| row.name) {
+        let figures = &scene["integrators"][name];
+        assert!(figures["mpaths_per_s"].as_f64().unwrap() > 0.0 && figures["spread"].as_f64().unwrap() >= 0.0);
+        let variance = figures["variance"].as_f64();
+        assert_eq!(figures["efficiency"].is_number(), variance.is_some(), "{figures}");
+        let row = ended.stdout.lines().find(|line| line.starts_with("ball") && line.contains(name)).unwrap();
+        assert_eq!(row.ends_with(" -"), variance.is_none(), "{row}");
+    }
+    assert!(scene["integrators"]["nee"]["variance"].is_number(), "{scene}");
+    assert!(place.fail(2, &["bench", "--only"]).contains("SCENES"));
+    assert!(place.fail(2, &["bench", "none.scn", "--only"]).contains("none.scn"));
+}
+
+#[test]
 fn completions_and_the_manual_come_from_the_definitions() {
     let place = Workplace::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
@@ -124,7 +146,7 @@ fn every_verb_explains_itself() {
     let place = Workplace::new();
     let whole = place.succeed(&["--help"]).stdout;
     assert!(whole.contains("Exit codes") && whole.contains("NO_COLOR"), "{whole}");
-    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "bench", "completions", "man"];
+    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "verify", "bench", "completions", "man"];
     for verb in verbs {
         assert!(whole.contains(&format!("\n  {verb} ")), "{verb} is not listed: {whole}");
         let help = place.succeed(&[verb, "--help"]).stdout;

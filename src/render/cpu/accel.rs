@@ -14,7 +14,7 @@ use obvhs::bvh2::builder::build_bvh2;
 use super::intersect::{self, ShearedRay};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::transport::ray::{Hit, Ray};
+use crate::transport::ray::{Hit, Ray, Trace};
 use crate::transport::surface::is_masked_out;
 
 /// Entries of the traversal stack. A tree of four-wide nodes needs three for each level; [`Accel::build`] refuses what
@@ -237,5 +237,15 @@ impl Accel {
             let t = intersect::sphere(&self.scene.spheres[primitive as usize - triangles], ray, t_max)?;
             Some(Hit { t, primitive, uv: [0.0; 2] })
         }
+    }
+}
+
+impl Trace for Accel {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        Accel::closest(self, ray, t_max)
+    }
+
+    fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        Accel::occluded(self, ray, t_max)
     }
 }

@@ -13,7 +13,7 @@ use crate::film::splat::Splats;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
-use crate::transport::integrator::Context;
+use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray, Trace};
 use crate::transport::sampler::Sampler;
@@ -152,6 +152,7 @@ impl Renderer for CpuRenderer {
         let first = self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
         let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, pool, .. } = self;
+        let settings = Settings::new(&job.params);
         let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]]| {
             let trace = Counted { accel, rays: Cell::new(0) };
             let context = Context {
@@ -161,7 +162,7 @@ impl Renderer for CpuRenderer {
                 trace: &trace,
                 max_depth: job.max_depth,
                 rr_start: job.rr_start,
-                params: &job.params,
+                settings: &settings,
             };
             let mut stats = RowStats::default();
             for x in 0..width {

@@ -94,32 +94,60 @@ impl Camera {
     /// filter of radius zero, whose pixels are points.
     #[inline]
     pub fn connect(&self, point: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
-        let disk = if self.lens_radius > 0.0 { concentric_disk(lens_u) * self.lens_radius } else { Vec2::ZERO };
-        let lens = self.position + self.right * disk.x + self.up * disk.y;
-        let to = point - lens;
-        let depth = to.dot(self.forward);
+        let disk = self.disk(lens_u);
+        let to = point - self.on_lens(disk);
         let distance = to.length();
-        if !(depth > 0.0 && distance.is_finite()) {
+        let met = self.meet(disk, to / distance, filter_u)?;
+        Some(CameraConnection { distance, importance: met.importance / (distance * distance), ..met })
+    }
+
+    /// Joins a direction from outside the scene to the camera, as [`Camera::connect`] does a point: `dir` is the unit
+    /// direction from the lens. The distance is infinite, and `importance` is per solid angle, without a unit:
+    /// `throughput * importance` is what the light adds, where `throughput` is radiance over its density per solid angle.
+    #[inline]
+    pub fn connect_direction(&self, dir: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
+        self.meet(self.disk(lens_u), dir, filter_u)
+    }
+
+    #[inline]
+    fn disk(&self, lens_u: [f32; 2]) -> Vec2 {
+        if self.lens_radius > 0.0 { concentric_disk(lens_u) * self.lens_radius } else { Vec2::ZERO }
+    }
+
+    #[inline]
+    fn on_lens(&self, disk: Vec2) -> Vec3 {
+        self.position + self.right * disk.x + self.up * disk.y
+    }
+
+    /// Where light along `-dir` through a point of the lens meets the film.
+    #[inline]
+    fn meet(&self, disk: Vec2, dir: Vec3, filter_u: [f32; 2]) -> Option<CameraConnection> {
+        let depth = dir.dot(self.forward);
+        if !(depth > 0.0 && dir.is_finite()) {
             return None;
         }
         // Where the ray meets the plane of focus, relative to the camera and scaled back to distance one. For a pinhole
         // that plane may be anywhere.
-        let (x, y) = (to.dot(self.right) / depth, to.dot(self.up) / depth);
+        let (x, y) = (dir.dot(self.right) / depth, dir.dot(self.up) / depth);
         let shift = if self.lens_radius > 0.0 { disk / self.focus_distance } else { Vec2::ZERO };
         let film = [(x + shift.x) / self.half[0], -(y + shift.y) / self.half[1]];
         let place = [0, 1].map(|i| 0.5 * (film[i] + 1.0) * self.resolution[i]);
         let (column, weight_x) = self.filter.choose(place[0], self.resolution[0] as u32, filter_u[0])?;
         let (row, weight_y) = self.filter.choose(place[1], self.resolution[1] as u32, filter_u[1])?;
-        let dir = to / distance;
         let pdf_w = self.pdf_w(dir);
         Some(CameraConnection {
             pixel: [column, row],
-            lens,
+            lens: self.on_lens(disk),
             dir,
-            distance,
-            importance: weight_x * weight_y * pdf_w / (distance * distance),
+            distance: f32::INFINITY,
+            importance: weight_x * weight_y * pdf_w,
             pdf_w,
         })
+    }
+
+    /// Width and height of the picture in pixels.
+    pub fn resolution(&self) -> [u32; 2] {
+        self.resolution.map(|n| n as u32)
     }
 
     /// Density per solid angle with which a camera ray goes into the unit direction `dir`, whichever its pixel: places

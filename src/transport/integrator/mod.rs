@@ -3,8 +3,8 @@
 pub mod bdpt;
 pub mod bpt;
 pub mod nee;
-
-use std::collections::BTreeMap;
+pub mod oracle;
+pub mod settings;
 
 use super::camera::Camera;
 use super::contribution::Contribution;
@@ -12,8 +12,9 @@ use super::light::Lights;
 use super::ray::Trace;
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
-use crate::value::Value;
 use crate::value::schema::Table;
+
+pub use settings::Settings;
 
 /// Everything that stays the same from sample to sample.
 pub struct Context<'a> {
@@ -29,8 +30,8 @@ pub struct Context<'a> {
     pub max_depth: u32,
     /// First path edge after which Russian roulette may end a path; `None` is never.
     pub rr_start: Option<u32>,
-    /// The integrator's own parameters, checked against its row.
-    pub params: &'a BTreeMap<String, Value>,
+    /// The integrator's own parameters.
+    pub settings: &'a Settings,
 }
 
 /// Hands every contribution of one sample of one pixel to the sink.

@@ -1,21 +1,18 @@
 //! Backward path tracing with next event estimation: at every vertex where the BSDF has a density the path is also
 //! connected to a sampled point of a light. Light that the path then meets by itself counts with its share.
 
-use std::collections::BTreeMap;
-
 use glam::Vec3;
 
-use super::{Context, IntegratorRow};
+use super::{Context, IntegratorRow, Settings, settings};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
 use crate::transport::light::DirectSample;
-use crate::transport::mis::{self, Heuristic};
+use crate::transport::mis;
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::Surface;
 use crate::transport::vertex;
-use crate::value::Value;
 use crate::value::schema::Table;
 
 /// The row of this integrator.
@@ -26,7 +23,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
           meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
           where no connection could find it: seen directly or after a specular event.",
-    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD] },
+    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD, settings::LIGHTS] },
     sample,
 };
 
@@ -37,29 +34,18 @@ struct Last {
     pdf_w: f32,
 }
 
-struct Settings {
-    /// `None`: light found by chance after an event with a density does not count.
-    heuristic: Option<Heuristic>,
-}
-
-impl Settings {
-    fn new(params: &BTreeMap<String, Value>) -> Settings {
-        Settings { heuristic: Heuristic::from_params(params) }
-    }
-
-    /// The weight of light that a path met by chance, given the density `pdf_w` with which light sampling finds it.
-    fn weight_of_hit(&self, last: Option<Last>, pdf_w: impl FnOnce(Vec3) -> f32) -> f32 {
-        match (last, self.heuristic) {
-            (None, _) => 1.0,
-            (Some(_), None) => 0.0,
-            (Some(last), Some(h)) => h.weight(last.pdf_w, pdf_w(last.from)),
-        }
+/// The weight of light that a path met by chance, given the density per solid angle with which light sampling finds it.
+#[inline]
+fn weight_of_hit(settings: &Settings, last: Option<Last>, pdf_w: impl FnOnce(Vec3) -> f32) -> f32 {
+    match (last, settings.mis) {
+        (None, _) => 1.0,
+        (Some(_), None) => 0.0,
+        (Some(last), Some(h)) => h.weight(last.pdf_w, pdf_w(last.from)),
     }
 }
 
 fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
-    let Context { scene, lights, .. } = *context;
-    let settings = Settings::new(context.params);
+    let Context { scene, lights, settings, .. } = *context;
     let mut ray = context.camera.sample_ray(pixel, sampler);
     let mut throughput = Vec3::ONE;
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
@@ -75,7 +61,14 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
             let radiance = lights.environment(ray.dir);
             if radiance != Vec3::ZERO {
-                found(radiance, 0, settings.weight_of_hit(last, |_| lights.pdf_environment_w(ray.dir)));
+                let pdf_w = |_| {
+                    if settings.all_lights {
+                        lights.pdf_environment_one_w(ray.dir)
+                    } else {
+                        lights.pdf_environment_w(ray.dir)
+                    }
+                };
+                found(radiance, 0, weight_of_hit(settings, last, pdf_w));
             }
             break;
         };
@@ -83,20 +76,36 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
         let wo = -ray.dir;
         let emitted = surface.emitted(&scene.textures, wo);
         if emitted != Vec3::ZERO {
-            let pdf_w = |from| lights.pdf_direct_w(scene, from, surface.emitter, surface.position, surface.n_geometric);
-            found(emitted, 0, settings.weight_of_hit(last, pdf_w));
+            let pdf_w = |from| {
+                let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
+                if settings.all_lights {
+                    lights.pdf_direct_one_w(scene, from, i, at, n)
+                } else {
+                    lights.pdf_direct_w(scene, from, i, at, n)
+                }
+            };
+            found(emitted, 0, weight_of_hit(settings, last, pdf_w));
         }
         if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
             break;
         }
         let bsdf = Bsdf::new(&surface, &scene.textures);
         if bsdf.has_density() {
-            let choice = sampler.next_1d();
-            if let Some(direct) = lights.sample_direct(scene, surface.position, choice, sampler.next_2d())
-                && let Some((radiance, weight)) = connect(context, &settings, &surface, &bsdf, wo, &direct)
-            {
-                let unweighted = throughput * radiance;
-                sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1 });
+            let mut join = |direct: Option<DirectSample>| {
+                if let Some(direct) = direct
+                    && let Some((radiance, weight)) = connect(context, &surface, &bsdf, wo, &direct)
+                {
+                    let unweighted = throughput * radiance;
+                    sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1 });
+                }
+            };
+            if settings.all_lights {
+                for light in lights.each() {
+                    join(lights.sample_direct_from(scene, light, surface.position, sampler.next_2d()));
+                }
+            } else {
+                let choice = sampler.next_1d();
+                join(lights.sample_direct(scene, surface.position, choice, sampler.next_2d()));
             }
         }
         let choice = sampler.next_1d();
@@ -119,14 +128,7 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
 }
 
 /// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
-fn connect(
-    context: &Context,
-    settings: &Settings,
-    surface: &Surface,
-    bsdf: &Bsdf,
-    wo: Vec3,
-    direct: &DirectSample,
-) -> Option<(Vec3, f32)> {
+fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
     let f = bsdf.eval(wo, direct.wi, Mode::Radiance) * direct.wi.dot(surface.n_shading).abs();
     let radiance = f * direct.radiance / direct.pdf_w;
     if radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
@@ -139,7 +141,7 @@ fn connect(
         vertex::unobstructed(context.trace, surface.position, surface.n_geometric, direct.wi)
     };
     lit.then(|| {
-        let weight = match settings.heuristic {
+        let weight = match context.settings.mis {
             Some(h) if !direct.delta => h.weight(direct.pdf_w, bsdf.pdf_w(wo, direct.wi)),
             _ => 1.0,
         };

@@ -1,11 +1,14 @@
 //! What one strategy makes of the subpaths: the light that it finds, and the terms of all other strategies over its own.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::subpath::Vertex;
+use super::subpath::{Escape, Vertex};
+use super::weights::{LightEnd, others_of_ends, others_of_hit, others_of_lens, others_of_next_event, others_of_seen};
+use crate::scene::compile::NONE;
 use crate::transport::bsdf::Mode;
+use crate::transport::camera::CameraConnection;
 use crate::transport::integrator::Context;
-use crate::transport::light::{DirectSample, LightPoint};
+use crate::transport::light::{EmissionSample, LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::sampler::Sampler;
 use crate::transport::vertex;
@@ -17,36 +20,43 @@ pub struct Connection {
     pub unweighted: Vec3,
     /// Sum of the terms of all other strategies over that of this one: its weight is `1 / (1 + others)`.
     pub others: f64,
+    /// The point of the light, where it is not the start of the light subpath.
+    pub point: Option<LightPoint>,
+    /// Unit direction of the connecting edge, towards the light; zero for `s = 0`.
+    pub wi: Vec3,
 }
 
 /// `s = 0`: the camera subpath of `t` vertices has met a light.
 #[inline]
 pub fn hit(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connection> {
-    if z.emitted == Vec3::ZERO {
+    if z.emitter == NONE || z.emitted == Vec3::ZERO {
         return None;
     }
-    let scene = context.scene;
-    let emission = context.lights.pdf_emission(scene, z.emitter, z.wo.dot(z.n_geometric));
-    let start = f64::from(emission.pdf_a);
-    // Alone with the camera, a light vertex is the start of a light path; else it is sampled from a surface.
-    let last = if t == 2 {
-        start
-    } else {
-        let pdf_w = context.lights.pdf_direct_w(scene, z.previous, z.emitter, z.position, z.n_geometric);
-        f64::from(pdf_w * vertex::area_factor(z.previous, z.position, z.n_geometric))
-    };
-    let others = z.chain.others_at_end(h, last, start, f64::from(emission.pdf_w * z.back));
-    Some(Connection { unweighted: z.throughput * z.emitted, others })
+    let light = LightId::Emitter(z.emitter);
+    let point = LightPoint { light, position: z.position, normal: z.n_geometric, uv: z.uv };
+    let end = LightEnd::new(context, &point, z.wo, z.previous, z.n_previous);
+    let others = others_of_hit(h, &z.chain, &end, t);
+    Some(Connection { unweighted: z.throughput * z.emitted, others, point: Some(point), wi: Vec3::ZERO })
 }
 
-/// `s = 1`: the end of the camera subpath and a point of a light, sampled from there.
+/// `s = 0`: the camera subpath has left the scene, and the light outside is its vertex number `t`.
 #[inline]
-pub fn next_event(
-    context: &Context,
-    h: Heuristic,
-    z: &Vertex,
-    sampler: &mut Sampler,
-) -> Option<(Connection, LightPoint)> {
+pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Option<Connection> {
+    let edge = &escape.edge;
+    let radiance = context.lights.environment(edge.dir);
+    if radiance == Vec3::ZERO {
+        return None;
+    }
+    let light = LightId::Environment;
+    let point = LightPoint { light, position: edge.from + edge.dir, normal: -edge.dir, uv: Vec2::ZERO };
+    let end = LightEnd::new(context, &point, -edge.dir, edge.from, edge.origin.normal());
+    let others = others_of_hit(h, &edge.chain(1.0), &end, t);
+    Some(Connection { unweighted: escape.throughput * radiance, others, point: Some(point), wi: Vec3::ZERO })
+}
+
+/// `s = 1`, `t >= 2`: the end of the camera subpath and a point of a light, sampled from there.
+#[inline]
+pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sampler) -> Option<Connection> {
     let choice = sampler.next_1d();
     let d = context.lights.sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
     let f = z.bsdf.eval(z.wo, d.wi, Mode::Radiance) * z.cos(d.wi);
@@ -59,19 +69,11 @@ pub fn next_event(
     } else {
         vertex::unobstructed(context.trace, z.position, z.n_geometric, d.wi)
     };
-    lit.then(|| (Connection { unweighted, others: others_of_next_event(context, h, z, &d) }, d.point))
-}
-
-fn others_of_next_event(context: &Context, h: Heuristic, z: &Vertex, d: &DirectSample) -> f64 {
-    let pdf_w = f64::from(d.pdf_w);
-    // Meeting the light instead of sampling it.
-    let met = if d.delta { 0.0 } else { h.term(f64::from(z.bsdf.pdf_w(z.wo, d.wi)) / pdf_w) };
-    // Going on from the light instead of stopping at it.
-    let emission = context.lights.pdf_emission_at(context.scene, &d.point, -d.wi);
-    let direct = pdf_w * f64::from(vertex::area_factor(z.position, d.point.position, d.point.normal));
-    let here = f64::from(emission.pdf_w * vertex::area_factor(d.point.position, z.position, z.n_geometric));
-    let others = z.chain.others(h, here, z.density_before(d.wi));
-    met + h.term(f64::from(emission.pdf_a) / direct) * others
+    lit.then(|| {
+        let end = LightEnd::new(context, &d.point, -d.wi, z.position, z.n_geometric);
+        let others = others_of_next_event(h, z, &end, d.wi);
+        Connection { unweighted, others, point: Some(d.point), wi: d.wi }
+    })
 }
 
 /// `s >= 2`, `t >= 2`: the ends of two subpaths.
@@ -93,8 +95,57 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     {
         return None;
     }
-    let at_y = f64::from(z.bsdf.pdf_w(z.wo, wi) * vertex::area_factor(z.position, y.position, y.n_geometric));
-    let at_z = f64::from(y.bsdf.pdf_w(y.wo, -wi) * vertex::area_factor(y.position, z.position, z.n_geometric));
-    let others = y.chain.others(h, at_y, y.density_before(-wi)) + z.chain.others(h, at_z, z.density_before(wi));
-    Some(Connection { unweighted, others })
+    Some(Connection { unweighted, others: others_of_ends(h, y, z, wi), point: None, wi })
+}
+
+/// `s >= 2`, `t = 1`: the end of the light subpath, seen by the camera.
+#[inline]
+pub fn lens(
+    context: &Context,
+    h: Heuristic,
+    y: &Vertex,
+    sampler: &mut Sampler,
+) -> Option<(Connection, CameraConnection)> {
+    let c = context.camera.connect(y.position, sampler.next_2d(), sampler.next_2d())?;
+    let f = y.bsdf.eval(y.wo, -c.dir, Mode::Importance) * y.cos(-c.dir);
+    let unweighted = y.throughput * f * c.importance;
+    if unweighted == Vec3::ZERO || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO) {
+        return None;
+    }
+    let others = others_of_lens(h, y, c.lens, c.dir, c.pdf_w);
+    Some((Connection { unweighted, others, point: None, wi: c.dir }, c))
+}
+
+/// `s = 1`, `t = 1`: the start of the light subpath, seen by the camera. Points and parallel light are not: nothing that
+/// starts at the camera could find them, and a picture does not show them.
+#[inline]
+pub fn seen(
+    context: &Context,
+    h: Heuristic,
+    start: &EmissionSample,
+    sampler: &mut Sampler,
+) -> Option<(Connection, CameraConnection)> {
+    let point = start.point;
+    let (lens_u, filter_u) = (sampler.next_2d(), sampler.next_2d());
+    let (c, cos) = match point.light {
+        LightId::Emitter(_) => {
+            let c = context.camera.connect(point.position, lens_u, filter_u)?;
+            (c, point.normal.dot(-c.dir))
+        }
+        LightId::Environment => (context.camera.connect_direction(-start.dir, lens_u, filter_u)?, 1.0),
+        LightId::Point(_) | LightId::Directional(_) => return None,
+    };
+    let end = LightEnd::new(context, &point, -c.dir, c.lens, Vec3::ZERO);
+    let radiance = context.lights.emitted(context.scene, &point, -c.dir);
+    let unweighted = radiance * cos * (f64::from(c.importance) / end.start) as f32;
+    if cos <= 0.0 || unweighted == Vec3::ZERO {
+        return None;
+    }
+    let visible = if c.distance.is_finite() {
+        vertex::visible(context.trace, point.position, point.normal, c.lens, Vec3::ZERO)
+    } else {
+        vertex::unobstructed(context.trace, c.lens, Vec3::ZERO, c.dir)
+    };
+    let others = others_of_seen(h, &end, c.pdf_w);
+    visible.then_some((Connection { unweighted, others, point: None, wi: c.dir }, c))
 }

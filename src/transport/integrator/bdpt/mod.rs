@@ -7,18 +7,18 @@
 
 mod connect;
 pub mod subpath;
-mod weights;
+pub mod weights;
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 
-use super::{Context, IntegratorRow};
+use glam::Vec3;
+
+use super::{Context, IntegratorRow, settings};
 use crate::transport::contribution::Contribution;
 use crate::transport::light::LightPoint;
-use crate::transport::mis::{self, Heuristic};
+use crate::transport::mis;
 use crate::transport::sampler::Sampler;
-use crate::value::Value;
-use crate::value::schema::{Field, Table, Ty};
+use crate::value::schema::Table;
 use connect::Connection;
 use subpath::Subpaths;
 
@@ -26,72 +26,16 @@ use subpath::Subpaths;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bdpt",
     long_name: "bidirectional path tracing",
-    revision: 1,
+    revision: 2,
     doc: "Paths from the camera and from the lights are joined in every way, weighted so that each finds what it finds \
           best [Veach 1997, ch. 10].",
     params: Table {
         name: "BdptParams",
         doc: "Parameters of `bdpt`.",
-        fields: &[
-            mis::FIELD,
-            Field {
-                key: "strategies",
-                ty: Ty::Nums { len: 2, min: 0.0, max: 10_000.0 },
-                required: false,
-                default: "all",
-                doc: "the one strategy { s, t } to keep: s vertices from the light, t from the camera, the lens included; \
-                      with mis = \"none\" its weight is one",
-            },
-            Field {
-                key: "contribution",
-                ty: Ty::Bool,
-                required: false,
-                default: "true",
-                doc: "false leaves the strategy of `strategies` out instead, and keeps all others",
-            },
-        ],
+        fields: &[mis::FIELD, settings::STRATEGIES, settings::CONTRIBUTION],
     },
     sample,
 };
-
-/// The parameters of a script, typed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// How strategies are weighted.
-    pub heuristic: Heuristic,
-    /// The strategy that is kept or left out.
-    pub one: Option<[u32; 2]>,
-    /// Whether it is kept.
-    pub keep: bool,
-    /// Whether every weight is one.
-    pub raw: bool,
-}
-
-impl Settings {
-    /// From parameters that their schema has checked.
-    pub fn new(params: &BTreeMap<String, Value>) -> Settings {
-        let one = match params.get("strategies") {
-            Some(Value::List(pair)) => {
-                let at = |i: usize| pair.get(i).and_then(Value::as_f64).unwrap_or(0.0) as u32;
-                Some([at(0), at(1)])
-            }
-            _ => None,
-        };
-        let keep = !matches!(params.get("contribution"), Some(Value::Bool(false)));
-        let heuristic = Heuristic::from_params(params);
-        Settings {
-            heuristic: heuristic.unwrap_or(Heuristic::Uniform),
-            one,
-            keep,
-            raw: heuristic.is_none() && one.is_some() && keep,
-        }
-    }
-
-    #[inline]
-    fn wants(&self, s: u32, t: u32) -> bool {
-        self.one.is_none_or(|one| (one == [s, t]) == self.keep)
-    }
-}
 
 /// Light that was found, with all that led to it.
 #[derive(Clone, Copy, Debug)]
@@ -102,8 +46,12 @@ pub struct Found<'a> {
     pub weight: f64,
     /// The subpaths.
     pub subpaths: &'a Subpaths,
-    /// The point of the light that was sampled for `s = 1`.
-    pub sampled: Option<LightPoint>,
+    /// The point of the light, where it is not the start of the light subpath: for `s <= 1` and `t >= 2`.
+    pub point: Option<LightPoint>,
+    /// Unit direction of the edge that joins the subpaths, towards the light; zero for `s = 0`.
+    pub wi: Vec3,
+    /// The point of the lens.
+    pub lens: Vec3,
 }
 
 thread_local! {
@@ -112,53 +60,73 @@ thread_local! {
 }
 
 fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
-    let settings = Settings::new(context.params);
     SUBPATHS.with_borrow_mut(|subpaths| {
-        each(context, &settings, pixel, sampler, subpaths, &mut |found| sink(found.contribution));
+        each(context, pixel, sampler, subpaths, &mut |found| sink(found.contribution));
     });
 }
 
 /// One sample: makes both subpaths and hands over everything that joining them finds.
 pub fn each(
     context: &Context,
-    settings: &Settings,
     pixel: [u32; 2],
     sampler: &mut Sampler,
     subpaths: &mut Subpaths,
     visit: &mut dyn FnMut(Found),
 ) {
-    let h = settings.heuristic;
+    let settings = context.settings;
+    let h = settings.heuristic();
     let max = context.max_depth;
     subpaths.trace_camera(context, h, pixel, max, sampler);
-    subpaths.trace_light(context, h, max.saturating_sub(2), sampler);
+    subpaths.trace_light(context, h, max, sampler);
     let subpaths = &*subpaths;
-    let mut found = |c: Connection, s: u32, t: u32, sampled: Option<LightPoint>| {
-        let weight = if settings.raw { 1.0 } else { 1.0 / (1.0 + c.others) };
+    let mut found = |c: Connection, s: u32, t: u32, pixel: [u32; 2], lens: Vec3| {
+        let weight = if settings.raw() { 1.0 } else { 1.0 / (1.0 + c.others) };
         let value = c.unweighted * weight as f32;
         let contribution = Contribution { pixel, value, unweighted: c.unweighted, s, t };
-        visit(Found { contribution, weight, subpaths, sampled });
+        visit(Found { contribution, weight, subpaths, point: c.point, wi: c.wi, lens });
     };
+    let escaped = subpaths.camera.len() as u32 + 2;
+    if settings.wants(0, escaped)
+        && let Some(e) = &subpaths.escape
+        && let Some(c) = connect::escape(context, h, e, escaped)
+    {
+        found(c, 0, escaped, pixel, subpaths.lens);
+    }
     for (z, t) in subpaths.camera.iter().zip(2..) {
         if settings.wants(0, t)
             && let Some(c) = connect::hit(context, h, z, t)
         {
-            found(c, 0, t, None);
+            found(c, 0, t, pixel, subpaths.lens);
         }
         if !z.connectible || t > max {
             continue;
         }
         if settings.wants(1, t)
-            && let Some((c, point)) = connect::next_event(context, h, z, sampler)
+            && let Some(c) = connect::next_event(context, h, z, sampler)
         {
-            found(c, 1, t, Some(point));
+            found(c, 1, t, pixel, subpaths.lens);
         }
         for (y, s) in subpaths.light.iter().zip(2..).take_while(|(_, s)| s + t - 1 <= max) {
             if y.connectible
                 && settings.wants(s, t)
                 && let Some(c) = connect::ends(context, h, y, z)
             {
-                found(c, s, t, None);
+                found(c, s, t, pixel, subpaths.lens);
             }
+        }
+    }
+    if settings.wants(1, 1)
+        && let Some(start) = &subpaths.start
+        && let Some((c, camera)) = connect::seen(context, h, start, sampler)
+    {
+        found(c, 1, 1, camera.pixel, camera.lens);
+    }
+    for (y, s) in subpaths.light.iter().zip(2..) {
+        if y.connectible
+            && settings.wants(s, 1)
+            && let Some((c, camera)) = connect::lens(context, h, y, sampler)
+        {
+            found(c, s, 1, camera.pixel, camera.lens);
         }
     }
 }

@@ -1,13 +1,13 @@
 //! The two subpaths of a sample.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::weights::{Chain, Link};
+use super::weights::{Chain, LightEnd, Link};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Mode};
 use crate::transport::integrator::Context;
-use crate::transport::light::{LightId, LightPoint};
+use crate::transport::light::{EmissionSample, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -27,7 +27,10 @@ pub struct Vertex {
     pub wo: Vec3,
     /// Position of the vertex before; meaningless for a light without a place.
     pub previous: Vec3,
-    /// Turns a density per solid angle here into the other side's density of the vertex before.
+    /// Unit normal of the vertex before; zero for a point of the lens.
+    pub n_previous: Vec3,
+    /// Turns a density per solid angle here into the other side's density of the vertex before; zero where the other
+    /// side cannot generate it.
     pub back: f32,
     /// The BSDF.
     pub bsdf: Bsdf,
@@ -35,7 +38,9 @@ pub struct Vertex {
     pub connectible: bool,
     /// Row of the scene's emitters, or [`NONE`].
     pub emitter: u32,
-    /// Radiance emitted towards the vertex before.
+    /// Texture coordinates before tiling.
+    pub uv: Vec2,
+    /// Radiance emitted towards the vertex before, of a camera subpath.
     pub emitted: Vec3,
     /// What the path carries here, over the density with which it came here.
     pub throughput: Vec3,
@@ -47,11 +52,51 @@ pub struct Vertex {
     pub eta: f32,
 }
 
-/// The start of a light subpath.
+/// Where an edge of a subpath comes from.
 #[derive(Clone, Copy, Debug)]
-pub struct Start {
+pub enum Origin {
+    /// The lens.
+    Lens,
+    /// A light.
+    Light(LightPoint),
+    /// A surface with this unit normal.
+    Surface(Vec3),
+}
+
+impl Origin {
+    /// The unit normal there; zero for a point of the lens.
+    #[inline]
+    pub fn normal(&self) -> Vec3 {
+        match self {
+            Origin::Lens => Vec3::ZERO,
+            Origin::Light(point) => point.normal,
+            Origin::Surface(n) => *n,
+        }
+    }
+}
+
+/// An edge of a subpath on its way to its next vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge {
+    /// What it leaves.
+    pub origin: Origin,
     /// Where.
-    pub point: LightPoint,
+    pub from: Vec3,
+    /// Unit direction.
+    pub dir: Vec3,
+    /// Density per solid angle of the direction; of no use where a light is left.
+    pub pdf_w: f64,
+    /// What weights need.
+    pub link: Link,
+}
+
+/// A camera subpath that left the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Escape {
+    /// Its last edge.
+    pub edge: Edge,
+    /// What the path carries, over the density with which it came.
+    pub throughput: Vec3,
 }
 
 /// Both subpaths of a sample, kept for the next one so that nothing is allocated per path.
@@ -60,22 +105,13 @@ pub struct Subpaths {
     /// Vertices of the light subpath behind the light's own: the vertex `y_i` is at `i - 1`.
     pub light: Vec<Vertex>,
     /// Where the light subpath starts, if there is one.
-    pub start: Option<Start>,
+    pub start: Option<EmissionSample>,
     /// Vertices of the camera subpath behind the lens: the vertex `z_i` is at `i - 1`.
     pub camera: Vec<Vertex>,
+    /// The edge behind them, if it met nothing.
+    pub escape: Option<Escape>,
     /// The point on the lens.
     pub lens: Vec3,
-}
-
-/// A path on its way to its next vertex.
-struct Departure {
-    ray: Ray,
-    /// Position and normal of the surface that it leaves.
-    from: Vec3,
-    n: Vec3,
-    throughput: Vec3,
-    pdf_w: f64,
-    link: Link,
 }
 
 /// The roulette of one subpath. The weights know nothing of it: see [`crate::transport::mis`].
@@ -87,6 +123,7 @@ struct Roulette {
 
 impl Roulette {
     /// By what to divide what goes on behind edge `edge`, if it does.
+    #[inline]
     fn play(&mut self, edge: u32, weight: Vec3, sampler: &mut Sampler) -> Option<f32> {
         self.promise *= weight;
         if self.start.is_none_or(|start| edge < start) {
@@ -114,10 +151,9 @@ impl Subpaths {
         self.camera.clear();
         let ray = context.camera.sample_ray(pixel, sampler);
         self.lens = ray.origin;
-        // Every strategy with two or more camera vertices generates the first edge alike, so its density cancels.
-        let link = Link { joint: 0.0, tail: 0.0 };
-        let departure = Departure { ray, from: ray.origin, n: Vec3::ZERO, throughput: Vec3::ONE, pdf_w: 1.0, link };
-        walk(context, h, Mode::Radiance, departure, max_edges, sampler, &mut self.camera);
+        let edge = Edge::from_lens(context, ray.origin, ray.dir);
+        let departure = Departure { ray, edge, throughput: Vec3::ONE };
+        self.escape = walk(context, h, Mode::Radiance, departure, max_edges, sampler, &mut self.camera);
     }
 
     /// The subpath from a light, up to `max_edges` edges.
@@ -128,34 +164,27 @@ impl Subpaths {
             return;
         }
         let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
-        let Some(e) = context.lights.sample_emission(context.scene, choice, u, v) else { return };
+        self.start = context.lights.sample_emission(context.scene, choice, u, v);
+        let Some(e) = self.start else { return };
         let throughput = e.radiance * e.cos / (e.pdf_a * e.pdf_w);
-        if throughput == Vec3::ZERO {
+        if throughput == Vec3::ZERO || max_edges == 1 {
             return;
         }
-        self.start = Some(Start { point: e.point });
-        // The term of the strategy s = 1 is put in when the vertex is known from which it would sample the light.
-        let link = Link { joint: 1.0, tail: 1.0 / h.term(f64::from(e.pdf_a)) };
-        let departure = Departure {
-            ray: vertex::leave(e.point.position, e.point.normal, e.dir),
-            from: e.point.position,
-            n: e.point.normal,
-            throughput,
-            pdf_w: f64::from(e.pdf_w),
-            link,
-        };
-        walk(context, h, Mode::Importance, departure, max_edges, sampler, &mut self.light);
-        if let Some(first) = self.light.first_mut() {
-            // Only surfaces can be sampled from elsewhere by another density than they start paths with.
-            let LightId::Emitter(i) = e.point.light else { return };
-            let lights = context.lights;
-            let direct_w = lights.pdf_direct_w(context.scene, first.position, i, e.point.position, e.point.normal);
-            first.chain.joint = h.term(f64::from(direct_w * first.back) / f64::from(e.pdf_a));
-        }
+        let edge = Edge::from_light(e.point, e.dir);
+        let ray = vertex::leave(e.point.position, e.point.normal, e.dir);
+        let departure = Departure { ray, edge, throughput };
+        walk(context, h, Mode::Importance, departure, max_edges - 1, sampler, &mut self.light);
     }
 }
 
-/// Follows a path until it ends.
+/// An edge with what is needed to follow it.
+struct Departure {
+    ray: Ray,
+    edge: Edge,
+    throughput: Vec3,
+}
+
+/// Follows a path until it ends. Returns the edge that left the scene, if one did.
 fn walk(
     context: &Context,
     h: Heuristic,
@@ -164,48 +193,100 @@ fn walk(
     max_edges: u32,
     sampler: &mut Sampler,
     path: &mut Vec<Vertex>,
-) {
+) -> Option<Escape> {
     let mut roulette = Roulette { start: context.rr_start, promise: Vec3::ONE };
-    for edge in 1..=max_edges {
-        let Some(hit) = context.trace.closest(&departure.ray, f32::INFINITY) else { return };
-        let surface = Surface::at(context.scene, &departure.ray, &hit);
-        let Some(mut v) = departure.arrive(context, &surface, mode) else { return };
+    for count in 1..=max_edges {
+        let Departure { ray, edge, throughput } = departure;
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            return Some(Escape { edge, throughput });
+        };
+        let surface = Surface::at(context.scene, &ray, &hit);
+        let mut v = edge.arrive(context, h, &surface, mode, throughput)?;
         let ends = v.emitter != NONE && !surface.material.emitter_reflects;
-        if ends || edge == max_edges {
+        if ends || count == max_edges {
             v.connectible &= !ends;
             path.push(v);
-            return;
+            return None;
         }
-        let next = v.depart(h, mode, &surface, edge, &mut roulette, sampler);
+        let next = v.depart(h, mode, &surface, count, &mut roulette, sampler);
         path.push(v);
-        match next {
-            Some(next) => departure = next,
-            None => return,
-        }
+        departure = next?;
     }
+    None
 }
 
-impl Departure {
-    /// The vertex where the path meets a surface; `None` where rounding leaves it without a density.
+impl Edge {
+    /// An edge from a point of the lens.
+    ///
+    /// Every strategy with two or more camera vertices generates it with the density of camera rays, and the one with a
+    /// single camera vertex can do without, unless the film's pixels are points: then no other strategy can find what
+    /// lies there, and the density, the same for all that can, does not matter.
     #[inline]
-    fn arrive(&self, context: &Context, surface: &Surface, mode: Mode) -> Option<Vertex> {
-        let wo = -self.ray.dir;
-        let density = self.pdf_w * f64::from(vertex::area_factor(self.from, surface.position, surface.n_geometric));
+    pub fn from_lens(context: &Context, from: Vec3, dir: Vec3) -> Edge {
+        let pdf_w = f64::from(context.camera.pdf_w(dir));
+        let (pdf_w, joint) = if pdf_w > 0.0 { (pdf_w, 1.0) } else { (1.0, 0.0) };
+        Edge { origin: Origin::Lens, from, dir, pdf_w, link: Link { joint, tail: 0.0 } }
+    }
+
+    /// An edge from a point of a light. What weights need is known when it arrives.
+    #[inline]
+    pub fn from_light(point: LightPoint, dir: Vec3) -> Edge {
+        let link = Link { joint: 0.0, tail: 0.0 };
+        Edge { origin: Origin::Light(point), from: point.position, dir, pdf_w: 0.0, link }
+    }
+
+    /// What weights need of the point of a surface that this edge meets, and [`Vertex::back`] there.
+    #[inline]
+    pub fn meet(&self, context: &Context, h: Heuristic, position: Vec3, n: Vec3) -> (Chain, f32) {
+        match self.origin {
+            Origin::Light(point) => {
+                let end = LightEnd::new(context, &point, self.dir, position, n);
+                let (joint, tail) = (h.term(end.direct / end.start), 1.0 / h.term(end.start));
+                (Chain { density: end.next, joint, tail }, end.back)
+            }
+            Origin::Lens => (self.chain(f64::from(vertex::area_factor(self.from, position, n))), 0.0),
+            Origin::Surface(before) => {
+                let chain = self.chain(f64::from(vertex::area_factor(self.from, position, n)));
+                (chain, vertex::area_factor(position, self.from, before))
+            }
+        }
+    }
+
+    /// What weights need where this edge arrives; `spread` turns its density into one of that place.
+    #[inline]
+    pub fn chain(&self, spread: f64) -> Chain {
+        Chain { density: self.pdf_w * spread, joint: self.link.joint, tail: self.link.tail }
+    }
+
+    /// The vertex where the edge meets a surface; `None` where rounding leaves it without a density.
+    #[inline]
+    fn arrive(
+        &self,
+        context: &Context,
+        h: Heuristic,
+        surface: &Surface,
+        mode: Mode,
+        throughput: Vec3,
+    ) -> Option<Vertex> {
+        let wo = -self.dir;
+        let (chain, back) = self.meet(context, h, surface.position, surface.n_geometric);
         let bsdf = Bsdf::new(surface, &context.scene.textures);
         let emitted = if mode == Mode::Radiance { surface.emitted(&context.scene.textures, wo) } else { Vec3::ZERO };
-        (density > 0.0 && density.is_finite()).then(|| Vertex {
+        (chain.density > 0.0 && chain.density.is_finite()).then(|| Vertex {
             position: surface.position,
             n_geometric: surface.n_geometric,
             n_shading: surface.n_shading,
             wo,
             previous: self.from,
-            back: vertex::area_factor(surface.position, self.from, self.n),
+            n_previous: self.origin.normal(),
+            back,
             connectible: bsdf.has_density(),
             bsdf,
             emitter: surface.emitter,
+            uv: surface.uv,
             emitted,
-            throughput: self.throughput,
-            chain: Chain { density, joint: self.link.joint, tail: self.link.tail },
+            throughput,
+            chain,
             delta: false,
             eta: 1.0,
         })
@@ -222,7 +303,26 @@ impl Vertex {
     /// The other side's density of the vertex before, for a path that comes from `wi`.
     #[inline]
     pub fn density_before(&self, wi: Vec3) -> f64 {
-        f64::from(self.bsdf.pdf_w(wi, self.wo) * self.back)
+        if self.back > 0.0 { f64::from(self.bsdf.pdf_w(wi, self.wo)) * f64::from(self.back) } else { 0.0 }
+    }
+
+    /// The edge on which the path goes on into `wi`, which was found with density `pdf_w` or, if `self.delta`, by a Dirac
+    /// event. The density of what such an event generates is `|cos| eta^2` of the outgoing side relative to the incoming
+    /// one: see [`weights`](super::weights).
+    #[inline]
+    pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32) -> Edge {
+        let (pdf_w, before) = if self.delta {
+            let (out, back) = (wi.dot(self.n_geometric).abs(), self.wo.dot(self.n_geometric).abs());
+            let (out, back) = match mode {
+                Mode::Radiance => (out, back / (self.eta * self.eta)),
+                Mode::Importance => (out * self.eta * self.eta, back),
+            };
+            (f64::from(out), f64::from(back) * f64::from(self.back))
+        } else {
+            (f64::from(pdf_w), self.density_before(wi))
+        };
+        let link = self.chain.onward(h, self.delta, before);
+        Edge { origin: Origin::Surface(self.n_geometric), from: self.position, dir: wi, pdf_w, link }
     }
 
     /// Samples where the path goes on.
@@ -237,32 +337,16 @@ impl Vertex {
         sampler: &mut Sampler,
     ) -> Option<Departure> {
         let choice = sampler.next_1d();
-        let s = self.bsdf.sample(self.wo, choice, sampler.next_2d(), mode)?;
-        (self.delta, self.eta) = (s.delta, s.eta);
+        let BsdfSample { wi, weight, pdf_w, delta, eta } =
+            self.bsdf.sample(self.wo, choice, sampler.next_2d(), mode)?;
+        (self.delta, self.eta) = (delta, eta);
         // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
-        let eta2 = if mode == Mode::Radiance { s.eta * s.eta } else { 1.0 };
-        let survival = roulette.play(edge, s.weight * eta2, sampler)?;
-        let throughput = self.throughput * s.weight / survival;
+        let eta2 = if mode == Mode::Radiance { eta * eta } else { 1.0 };
+        let survival = roulette.play(edge, weight * eta2, sampler)?;
+        let throughput = self.throughput * weight / survival;
         if throughput == Vec3::ZERO {
             return None;
         }
-        let (pdf_w, before) = if s.delta {
-            let (out, back) = (s.wi.dot(self.n_geometric).abs(), self.wo.dot(self.n_geometric).abs());
-            match mode {
-                Mode::Radiance => (out, back / (s.eta * s.eta)),
-                Mode::Importance => (out * s.eta * s.eta, back),
-            }
-        } else {
-            (s.pdf_w, self.bsdf.pdf_w(s.wi, self.wo))
-        };
-        let link = self.chain.onward(h, s.delta, f64::from(before * self.back));
-        Some(Departure {
-            ray: surface.spawn(s.wi),
-            from: self.position,
-            n: self.n_geometric,
-            throughput,
-            pdf_w: f64::from(pdf_w),
-            link,
-        })
+        Some(Departure { ray: surface.spawn(wi), edge: self.onward(h, mode, wi, pdf_w), throughput })
     }
 }

@@ -14,11 +14,24 @@
 //!   probability, reflectance say, it is left out: forwards and backwards it is the same for the BSDFs that there are,
 //!   and weights sum to one whatever stands here, as long as it is a function of the path.
 //! - Light sampling from a surface (`s = 1`) may have another density than the start of light paths; where the first
-//!   two strategies meet, their ratio stands in [`Chain::joint`].
-//! - A light without a place has its direction as `x_0`, per solid angle, and starts paths on a disk: see
-//!   [`Vertex`](super::subpath::Vertex).
+//!   two strategies meet, their ratio stands in [`Chain::joint`]. Seen directly, a light's point is the start of a light
+//!   path for the only strategy that does not hit it, `s = 1` and `t = 1`.
+//! - A light without a place has its direction as `x_0`, per solid angle, and its paths come through a disk across that
+//!   direction: `x_1` then has the disk's density times the cosine there. A point and a parallel light have a
+//!   probability in place of a density, and no camera path generates them.
+//! - The camera's end is a chain like the other: `t = 1` connects the point on the lens, which no strategy does without
+//!   and whose density cancels.
+//! - Densities may be any functions of the path as long as all strategies use the same, [`Camera::pdf_w`] for one.
+//!
+//! [`Camera::pdf_w`]: crate::transport::camera::Camera::pdf_w
 
+use glam::Vec3;
+
+use super::subpath::Vertex;
+use crate::transport::integrator::Context;
+use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
+use crate::transport::vertex;
 
 /// What one side of a connection knows of the strategies that split the path further towards that side's end.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,4 +75,87 @@ impl Chain {
         let joint = if delta { 0.0 } else { self.joint };
         Link { joint: f64::from(u8::from(!delta)), tail: (joint + self.tail * h.term(before)) / h.term(self.density) }
     }
+}
+
+/// The densities where a path meets its light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightEnd {
+    /// Density of `x_0` as the start of a light path: per area; for light from everywhere outside per solid angle; for a
+    /// point or a parallel light the probability of choosing it.
+    pub start: f64,
+    /// The same where light is sampled from `x_1`.
+    pub direct: f64,
+    /// Density per area with which a light path goes on to `x_1`.
+    pub next: f64,
+    /// Turns a density per solid angle at `x_1` into one of `x_0`, in the measure of `start`.
+    pub back: f32,
+}
+
+impl LightEnd {
+    /// For a light's point, the unit direction from it to the next vertex, that vertex, and its normal: zero for a point
+    /// on the lens, whose density `next` and whose `direct` are then of no use.
+    #[inline]
+    pub fn new(context: &Context, point: &LightPoint, dir: Vec3, next: Vec3, n_next: Vec3) -> LightEnd {
+        let (lights, scene) = (context.lights, context.scene);
+        let e = lights.pdf_emission_at(scene, point, dir);
+        let [pdf_a, pdf_w] = [e.pdf_a, e.pdf_w].map(f64::from);
+        let spread = || f64::from(vertex::area_factor(point.position, next, n_next));
+        match point.light {
+            LightId::Emitter(i) => {
+                let back = vertex::area_factor(next, point.position, point.normal);
+                let direct_w = lights.pdf_direct_w(scene, next, i, point.position, point.normal);
+                let direct = f64::from(direct_w) * f64::from(back);
+                LightEnd { start: pdf_a, direct, next: pdf_w * spread(), back }
+            }
+            LightId::Point(_) => LightEnd { start: pdf_a, direct: pdf_a, next: pdf_w * spread(), back: 0.0 },
+            LightId::Directional(_) | LightId::Environment => {
+                let choice = f64::from(lights.pdf_choice(point.light));
+                let start = choice * pdf_w;
+                let across = if choice > 0.0 { pdf_a / choice } else { 0.0 };
+                let back = if point.light == LightId::Environment { 1.0 } else { 0.0 };
+                LightEnd { start, direct: start, next: across * f64::from(dir.dot(n_next).abs()), back }
+            }
+        }
+    }
+}
+
+/// What all other strategies weigh beside `s = 0`, for a camera path of `t` vertices that met its light: the sum of their
+/// terms over the term of this one, as in all functions below. `chain` is the camera's at the light.
+#[inline]
+pub fn others_of_hit(h: Heuristic, chain: &Chain, end: &LightEnd, t: u32) -> f64 {
+    // Alone with the camera, a light's point is the start of a light path; else it is sampled from a surface.
+    let last = if t == 2 { end.start } else { end.direct };
+    chain.others_at_end(h, last, end.start, end.next)
+}
+
+/// Beside `s = 1`, `t >= 2`, for light sampled in direction `wi` from the end of the camera path.
+#[inline]
+pub fn others_of_next_event(h: Heuristic, z: &Vertex, end: &LightEnd, wi: Vec3) -> f64 {
+    // Meeting the light instead of sampling it.
+    let met =
+        if end.back > 0.0 { h.term(f64::from(z.bsdf.pdf_w(z.wo, wi)) * f64::from(end.back) / end.direct) } else { 0.0 };
+    // Going on from the light instead of stopping at it.
+    met + h.term(end.start / end.direct) * z.chain.others(h, end.next, z.density_before(wi))
+}
+
+/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths with `wi` the direction from the camera's to the light's.
+#[inline]
+pub fn others_of_ends(h: Heuristic, y: &Vertex, z: &Vertex, wi: Vec3) -> f64 {
+    let to = |from: &Vertex, to: &Vertex| f64::from(vertex::area_factor(from.position, to.position, to.n_geometric));
+    let at_y = f64::from(z.bsdf.pdf_w(z.wo, wi)) * to(z, y);
+    let at_z = f64::from(y.bsdf.pdf_w(y.wo, -wi)) * to(y, z);
+    y.chain.others(h, at_y, y.density_before(-wi)) + z.chain.others(h, at_z, z.density_before(wi))
+}
+
+/// Beside `s >= 2`, `t = 1`, for the end of a light path seen from a point of the lens in direction `dir`.
+#[inline]
+pub fn others_of_lens(h: Heuristic, y: &Vertex, lens: Vec3, dir: Vec3, pdf_w: f32) -> f64 {
+    let here = f64::from(pdf_w) * f64::from(vertex::area_factor(lens, y.position, y.n_geometric));
+    y.chain.others(h, here, y.density_before(-dir))
+}
+
+/// Beside `s = 1`, `t = 1`, for a light's point seen from a point of the lens.
+#[inline]
+pub fn others_of_seen(h: Heuristic, end: &LightEnd, pdf_w: f32) -> f64 {
+    h.term(f64::from(pdf_w) * f64::from(end.back) / end.start)
 }
