@@ -96,8 +96,11 @@ pub struct MetricRow {
     /// How it shows where in the picture the error lies, if it can. The images are as for `eval`.
     pub map: Option<PixelMap>,
     /// The options that are chosen by looking at the reference when they are `auto`, with what is chosen.
-    pub settle: Option<fn(&Image, &MetricSpec) -> BTreeMap<String, Value>>,
+    pub settle: Option<Settle>,
 }
+
+/// What `auto` options mean for a reference: the options that are chosen, with what is chosen.
+pub type Settle = fn(&Image, &MetricSpec) -> BTreeMap<String, Value>;
 
 impl PartialEq for MetricRow {
     fn eq(&self, other: &MetricRow) -> bool {

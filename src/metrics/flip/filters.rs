@@ -73,7 +73,7 @@ impl Filters {
         let sigma = 0.5 * FEATURE_WIDTH * ppd;
         let reach = (3.0 * sigma).ceil() as i32;
         let feature = |f: &dyn Fn(f64) -> f64| -> Vec<f64> {
-            (-reach..=reach).map(|i| f64::from(i)).map(|x| f(x) * (-x * x / (2.0 * sigma * sigma)).exp()).collect()
+            (-reach..=reach).map(f64::from).map(|x| f(x) * (-x * x / (2.0 * sigma * sigma)).exp()).collect()
         };
         Filters {
             y: unit_sum(gauss(Y[1]).iter().map(|g| Y[0] * g).collect()),
