@@ -4,8 +4,8 @@ use serde_json::{Value as Json, json};
 
 use super::args::SchemaArgs;
 use super::exit::{Exit, Failure, data};
+use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
-use crate::metrics::{Better, METRICS};
 use crate::render::BACKENDS;
 use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use crate::scene::load::FORMATS;
@@ -33,7 +33,7 @@ fn tables() -> Json {
             .collect::<Vec<_>>(),
         "metrics": METRICS.iter().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "doc": r.doc, "options": table(&r.options),
-            "better": match r.better { Better::Lower => "lower", Better::Higher => "higher" },
+            "better": r.better.to_string(),
         })).collect::<Vec<_>>(),
         "tonemaps": TONEMAPS.iter().map(|(name, options)| json!({ "name": name, "options": table(options) }))
             .collect::<Vec<_>>(),
