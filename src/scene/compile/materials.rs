@@ -168,7 +168,8 @@ mod tests {
 
     #[test]
     fn numbers_that_mean_nothing_are_errors_that_name_material_and_parameter() {
-        let breaks: [(&str, fn(&mut MaterialDesc)); 7] = [
+        type Break = (&'static str, fn(&mut MaterialDesc));
+        let breaks: [Break; 7] = [
             ("roughness", |m| m.roughness = f32::NAN),
             ("roughness", |m| m.roughness = -0.1),
             ("ior", |m| m.ior = 0.0),
