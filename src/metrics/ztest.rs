@@ -30,24 +30,24 @@ pub struct ZTest {
     pub worst_p: f64,
     /// Column and row of the first pixel of that block, or `None` for the dark rest.
     pub worst_at: Option<[u32; 2]>,
-    /// Ratio of the sums over the whole picture and all channels, first over second; NaN where the second is black.
+    /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
     pub ratio: f64,
-    /// Deviate of the difference of the sums over the whole picture, of the channel where it is largest. Channels are not
-    /// added: they share their paths, so their noise adds up to more than independent noise would.
+    /// Deviate of the difference of those sums, of the channel in which it is greatest: channels share their noise, so
+    /// they must not be added up as if each told something new.
     pub z: f64,
 }
 
 impl ZTest {
-    /// The significance of each comparison when `alpha` is shared among `tests` such tests, over all blocks [Sidak 1967].
-    /// The deviates of the three sums count as comparisons too.
-    pub fn level(&self, alpha: f64, tests: usize) -> f64 {
-        sidak(alpha, (self.comparisons + 3) * tests.max(1))
-    }
-
-    /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests.
+    /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests, over all blocks
+    /// [Sidak 1967]. The deviates of the three channels' sums are comparisons too.
     pub fn agrees(&self, alpha: f64, tests: usize) -> bool {
         let each = self.level(alpha, tests);
         self.worst_p > each && normal_two_sided_p(self.z) > each
+    }
+
+    /// The significance of each comparison when `alpha` is shared among `tests` such tests.
+    pub fn level(&self, alpha: f64, tests: usize) -> f64 {
+        sidak(alpha, (self.comparisons + 3) * tests.max(1))
     }
 }
 
@@ -106,7 +106,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
     let mut dark = [Sums::default(); 3];
     let mut whole = [Sums::default(); 3];
     for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
-        for (c, dark) in dark.iter_mut().enumerate() {
+        for (c, (dark, whole)) in dark.iter_mut().zip(&mut whole).enumerate() {
             let mut sums = Sums::default();
             let inside = |(x, y): &(u32, u32)| *x < width && *y < height;
             for (x, y) in (0..block * block).map(|i| (bx * block + i % block, by * block + i / block)).filter(inside) {
@@ -116,7 +116,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
                     variance: [first, second].map(|e| f64::from(e.variance.at(x, y)[c])),
                 });
             }
-            whole[c].add(sums);
+            whole.add(sums);
             if sums.second >= bright_enough {
                 judge(&sums, Some([bx * block, by * block]));
             } else {
@@ -125,9 +125,9 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
         }
     }
     dark.iter().filter(|sums| sums.first.max(sums.second) >= bright_enough).for_each(|sums| judge(sums, None));
-    let total = |of: fn(&Sums) -> f64| whole.iter().map(of).sum::<f64>();
-    let z = whole.iter().map(Sums::z).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
-    ZTest { ratio: total(|s| s.first) / total(|s| s.second), z, ..found }
+    let [first, second] = [|s: &Sums| s.first, |s: &Sums| s.second].map(|of| whole.iter().map(of).sum::<f64>());
+    let z = whole.iter().map(Sums::z).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default();
+    ZTest { ratio: first / second, z, ..found }
 }
 
 #[cfg(test)]
@@ -168,6 +168,17 @@ mod tests {
         let t = test(&noisy(7, 0.01), &constant(1.0), 0.01);
         assert!(!t.agrees(0.01, 1), "{t:?}");
         assert!((t.ratio - 1.01).abs() < 0.005);
+    }
+
+    #[test]
+    fn channels_that_share_their_noise_count_once() {
+        let grey = |seed| {
+            let image = noisy(seed, 0.0);
+            Image::from_fn(80, 60, |x, y| [image.at(x, y)[0]; 3])
+        };
+        let beyond = |seed: &u32| test(&grey(*seed), &constant(1.0), 0.01).z.abs() > 1.96;
+        let count = (0..200).filter(beyond).count();
+        assert!((2..=20).contains(&count), "{count} of 200, 10 are expected");
     }
 
     #[test]

@@ -12,6 +12,7 @@ use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::sampler::INDEPENDENT;
 
 /// A sum over pixels is called normal if so many samples are expected to have found the light in it.
 const ENOUGH_FINDS: f64 = 50.0;
@@ -71,12 +72,11 @@ impl Picture {
         Picture { mean: cut(&self.mean), variance: cut(&self.variance), find: self.find }
     }
 
-    /// Sum of all pixels and channels, and the variance of that sum, from above: channels share their paths, and count as
-    /// wholly dependent.
+    /// Sum of all pixels and channels, and its standard error as if channels shared all of their noise.
     pub fn total(&self) -> (f64, f64) {
-        let sum = |image: &Image, c: usize| image.data.iter().map(|p| f64::from(p[c])).sum::<f64>();
-        let error: f64 = [0, 1, 2].map(|c| sum(&self.variance, c).sqrt()).iter().sum();
-        ([0, 1, 2].map(|c| sum(&self.mean, c)).iter().sum(), error * error)
+        let pixels = self.mean.data.len() as f64;
+        let sum = |of: [f64; 3]| of.map(|mean| mean * pixels);
+        (sum(self.mean.mean()).iter().sum(), sum(self.variance.mean()).map(f64::sqrt).iter().sum())
     }
 
     /// How many finds made the picture, weighted by what they brought.
@@ -98,6 +98,7 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         rr_start: setting.rr_start,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        sampler: INDEPENDENT,
         seed: setting.seed,
         threads: setting.threads,
     };
@@ -128,7 +129,7 @@ pub struct Judgement {
 
 /// Compares two pictures by blocks of `block` pixels a side; blocks where too little light was found are pooled.
 pub fn judge(first: &Picture, second: &Picture, block: u32, tests: usize) -> Judgement {
-    let ((a, va), (b, vb)) = (first.total(), second.total());
+    let ((a, ea), (b, eb)) = (first.total(), second.total());
     let found = ztest::compare(
         Estimate { mean: &first.mean, variance: &first.variance },
         Estimate { mean: &second.mean, variance: &second.variance },
@@ -138,7 +139,7 @@ pub fn judge(first: &Picture, second: &Picture, block: u32, tests: usize) -> Jud
     Judgement {
         level: found.level(SIGNIFICANCE, tests),
         agrees: found.agrees(SIGNIFICANCE, tests),
-        ratio_error: found.ratio * (va / (a * a) + vb / (b * b)).sqrt(),
+        ratio_error: found.ratio * (ea / a).hypot(eb / b),
         finds: first.finds().min(second.finds()),
         found,
     }

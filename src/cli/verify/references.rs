@@ -321,8 +321,8 @@ pub struct Glass {
 
 impl Glass {
     fn new(ours: &Picture, theirs: &Picture, tests: usize) -> Glass {
-        let ((a, va), (b, vb)) = (ours.total(), theirs.total());
-        Glass { ratio: a / b, error: a / b * (va / (a * a) + vb / (b * b)).sqrt(), tests }
+        let ((a, ea), (b, eb)) = (ours.total(), theirs.total());
+        Glass { ratio: a / b, error: a / b * (ea / a).hypot(eb / b), tests }
     }
 
     /// Whether the difference is not significantly more than [`GLASS_BOUND`].
