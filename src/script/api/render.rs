@@ -178,8 +178,8 @@ pub const RENDER: Table = Table {
             ty: Ty::Word(&SAMPLER_NAMES),
             required: false,
             default: "independent",
-            doc: "where the numbers of samples come from; sobol spreads them evenly, which makes less noise, and standard \
-                  errors upper bounds",
+            doc: "where the numbers of samples come from; sobol spreads them evenly, which mostly makes less noise than \
+                  standard errors say",
         },
         Field {
             key: "camera",

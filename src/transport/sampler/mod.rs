@@ -85,8 +85,8 @@ pub const SAMPLERS: &[SamplerRow] = &[
     SamplerRow {
         name: "sobol",
         revision: 1,
-        doc: "The Owen-scrambled Sobol sequence, padded by shuffling [Burley 2020]: less error from the same number of \
-              samples. Standard errors of pixels, which take samples for independent, are then upper bounds.",
+        doc: "The Owen-scrambled Sobol sequence, padded by shuffling [Burley 2020]: mostly less error from the same \
+              number of samples. Standard errors of pixels take samples for independent, so they are mostly too large.",
         start: Sampler::sobol,
     },
 ];
