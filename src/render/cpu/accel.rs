@@ -19,7 +19,7 @@ use crate::transport::surface::is_masked_out;
 
 /// Entries of the traversal stack. A tree of four-wide nodes needs three for each level; [`Accel::build`] refuses what
 /// does not fit, which only a contrived scene reaches.
-const STACK: usize = 96;
+const STACK: usize = 64;
 
 /// Widens the far end of a slab test so that rounding never loses a box [Ize 2013].
 const SLAB_SLACK: f32 = 1.000_000_5;
@@ -216,8 +216,12 @@ impl Accel {
                 let far = plane(1 - x, 0).min(plane(1 - y, 1)).min(plane(1 - z, 2)) * SLAB_SLACK;
                 let mut met = near.cmple(far.min(Vec4::splat(t_max))).bitmask();
                 let near = near.to_array();
+                // The nearest child is next; the others wait, farthest first.
+                if met != 0 && met & (met - 1) == 0 {
+                    current = node.child[met.trailing_zeros() as usize & 3];
+                    continue;
+                }
                 if met != 0 {
-                    // The nearest child is next; the others wait, farthest first.
                     let first = depth;
                     while met != 0 {
                         let lane = met.trailing_zeros() as usize & 3;

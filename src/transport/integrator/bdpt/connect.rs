@@ -50,7 +50,7 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
     let light = LightId::Environment;
     let point = LightPoint { light, position: edge.from + edge.dir, normal: -edge.dir, uv: Vec2::ZERO };
     let end = LightEnd::new(context, &point, -edge.dir, edge.from, edge.origin.normal());
-    let others = others_of_hit(h, &edge.chain(1.0), &end, t);
+    let others = others_of_hit(h, &edge.chain(h, 1.0)?, &end, t);
     Some(Connection { unweighted: escape.throughput * radiance, others, point: Some(point), wi: Vec3::ZERO })
 }
 
@@ -98,7 +98,7 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     {
         return None;
     }
-    Some(Connection { unweighted, others: others_of_ends(h, y, z, &at_y, &at_z), point: None, wi })
+    Some(Connection { unweighted, others: others_of_ends(h, [y, z], [&at_y, &at_z], wi, distance2), point: None, wi })
 }
 
 /// `s >= 2`, `t = 1`: the end of the light subpath, seen by the camera.

@@ -242,27 +242,26 @@ impl Edge {
         Edge { origin: Origin::Light(point), from: point.position, dir, pdf_w: 0.0, link }
     }
 
-    /// What weights need of the point of a surface that this edge meets, and [`Vertex::back`] there.
+    /// What weights need of the point of a surface that this edge meets, and [`Vertex::back`] there; `None` where rounding
+    /// leaves the point without a density.
     #[inline]
-    pub fn meet(&self, context: &Context, h: Heuristic, position: Vec3, n: Vec3) -> (Chain, f32) {
-        match self.origin {
-            Origin::Light(point) => {
-                let end = LightEnd::new(context, &point, self.dir, position, n);
-                let (joint, tail) = (h.term(end.direct / end.start), 1.0 / h.term(end.start));
-                (Chain { density: end.next, joint, tail }, end.back)
-            }
-            Origin::Lens => (self.chain(f64::from(vertex::area_factor(self.from, position, n))), 0.0),
-            Origin::Surface(before) => {
-                let chain = self.chain(f64::from(vertex::area_factor(self.from, position, n)));
-                (chain, vertex::area_factor(position, self.from, before))
-            }
+    pub fn meet(&self, context: &Context, h: Heuristic, position: Vec3, n: Vec3) -> Option<(Chain, f32)> {
+        if let Origin::Light(point) = self.origin {
+            let end = LightEnd::new(context, &point, self.dir, position, n);
+            let link = Link { joint: h.term(end.direct / end.start), tail: 1.0 / h.term(end.start) };
+            return Some((Chain::new(h, link, end.next)?, end.back));
         }
+        let edge = position - self.from;
+        let distance2 = edge.length_squared();
+        let scale = 1.0 / (distance2 * distance2.sqrt());
+        let chain = self.chain(h, f64::from(edge.dot(n).abs() * scale))?;
+        Some((chain, edge.dot(self.origin.normal()).abs() * scale))
     }
 
     /// What weights need where this edge arrives; `spread` turns its density into one of that place.
     #[inline]
-    pub fn chain(&self, spread: f64) -> Chain {
-        Chain { density: self.pdf_w * spread, joint: self.link.joint, tail: self.link.tail }
+    pub fn chain(&self, h: Heuristic, spread: f64) -> Option<Chain> {
+        Chain::new(h, self.link, self.pdf_w * spread)
     }
 
     /// The vertex where the edge meets a surface; `None` where rounding leaves it without a density.
@@ -276,10 +275,10 @@ impl Edge {
         throughput: Vec3,
     ) -> Option<Vertex> {
         let wo = -self.dir;
-        let (chain, back) = self.meet(context, h, surface.position, surface.n_geometric);
+        let (chain, back) = self.meet(context, h, surface.position, surface.n_geometric)?;
         let bsdf = Bsdf::new(surface, &context.scene.textures);
         let emitted = if mode == Mode::Radiance { surface.emitted(&context.scene.textures, wo) } else { Vec3::ZERO };
-        (chain.density > 0.0 && chain.density.is_finite()).then(|| Vertex {
+        Some(Vertex {
             position: surface.position,
             n_geometric: surface.n_geometric,
             n_shading: surface.n_shading,

@@ -28,22 +28,21 @@
 use glam::Vec3;
 
 use super::subpath::Vertex;
-use crate::transport::integrator::Context;
 use crate::transport::bsdf::BsdfValue;
+use crate::transport::integrator::Context;
 use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::vertex;
 
-/// What one side of a connection knows of the strategies that split the path further towards that side's end.
+/// What one side of a connection knows of the strategies that split the path further towards that side's end. All is
+/// divided by the term of the density with which this side generated this vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain {
-    /// Density per area with which this side generated this vertex.
-    pub density: f64,
     /// Term of the strategy that connects the vertex before with this one, over the term of generating this one too;
-    /// without the densities of this vertex. Zero where it cannot.
-    pub joint: f64,
+    /// without the other side's density of this vertex. Zero where it cannot.
+    joint: f64,
     /// The same for all strategies that split earlier; without the other side's density of the vertex before.
-    pub tail: f64,
+    tail: f64,
 }
 
 /// A chain whose next vertex is not found yet.
@@ -56,6 +55,13 @@ pub struct Link {
 }
 
 impl Chain {
+    /// Where this side has generated a vertex with density `density` per area; `None` where rounding leaves none.
+    #[inline]
+    pub fn new(h: Heuristic, link: Link, density: f64) -> Option<Chain> {
+        let scale = 1.0 / h.term(density);
+        (density > 0.0 && density.is_finite()).then(|| Chain { joint: link.joint * scale, tail: link.tail * scale })
+    }
+
     /// Sum of the terms of all strategies with fewer vertices on this side, over the term of the one that connects
     /// here. The other side would generate this vertex with density `here` and the one before with density `before`.
     #[inline]
@@ -67,14 +73,14 @@ impl Chain {
     /// the one that generates no more than it, `here` for the ones that go on.
     #[inline]
     pub fn others_at_end(&self, h: Heuristic, last: f64, here: f64, before: f64) -> f64 {
-        (self.joint * h.term(last) + self.tail * h.term(here) * h.term(before)) / h.term(self.density)
+        self.joint * h.term(last) + self.tail * h.term(here) * h.term(before)
     }
 
     /// The chain behind an event here; `before` is the other side's density of the vertex before.
     #[inline]
     pub fn onward(&self, h: Heuristic, delta: bool, before: f64) -> Link {
         let joint = if delta { 0.0 } else { self.joint };
-        Link { joint: f64::from(u8::from(!delta)), tail: (joint + self.tail * h.term(before)) / h.term(self.density) }
+        Link { joint: f64::from(u8::from(!delta)), tail: joint + self.tail * h.term(before) }
     }
 }
 
@@ -138,13 +144,21 @@ pub fn others_of_next_event(h: Heuristic, z: &Vertex, end: &LightEnd, at_z: &Bsd
     met + h.term(end.start / end.direct) * z.chain.others(h, end.next, z.density_before(at_z.reverse_pdf_w))
 }
 
-/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths, whose BSDFs towards each other are `at_y` and `at_z`.
+/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths, whose BSDFs towards each other are `at_y` and `at_z`; `wi` is
+/// the unit direction of the edge between them and `distance2` its squared length.
 #[inline]
-pub fn others_of_ends(h: Heuristic, y: &Vertex, z: &Vertex, at_y: &BsdfValue, at_z: &BsdfValue) -> f64 {
-    let to = |from: &Vertex, to: &Vertex| f64::from(vertex::area_factor(from.position, to.position, to.n_geometric));
-    let reaches_y = f64::from(at_z.pdf_w) * to(z, y);
-    let reaches_z = f64::from(at_y.pdf_w) * to(y, z);
-    y.chain.others(h, reaches_y, y.density_before(at_y.reverse_pdf_w)) + z.chain.others(h, reaches_z, z.density_before(at_z.reverse_pdf_w))
+pub fn others_of_ends(
+    h: Heuristic,
+    [y, z]: [&Vertex; 2],
+    [at_y, at_z]: [&BsdfValue; 2],
+    wi: Vec3,
+    distance2: f32,
+) -> f64 {
+    let to = |v: &Vertex| f64::from(wi.dot(v.n_geometric).abs() / distance2);
+    let reaches_y = f64::from(at_z.pdf_w) * to(y);
+    let reaches_z = f64::from(at_y.pdf_w) * to(z);
+    y.chain.others(h, reaches_y, y.density_before(at_y.reverse_pdf_w))
+        + z.chain.others(h, reaches_z, z.density_before(at_z.reverse_pdf_w))
 }
 
 /// Beside `s >= 2`, `t = 1`, for the end of a light path seen from a point of the lens, towards which its BSDF is `at_y`.

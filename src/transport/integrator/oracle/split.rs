@@ -30,13 +30,13 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
         return None;
     }
     let end = |next: Vec3, n: Vec3| LightEnd::new(context, &path.light, path.dirs[0], next, n);
-    let (camera, edge) = camera_side(context, h, path, s.max(1));
+    let (camera, edge) = camera_side(context, h, path, s.max(1))?;
     let light = light_side(context, h, path, s);
     Some(match (s, light, camera) {
         (0, _, _) => {
             let chain = match path.light.light {
-                LightId::Environment => edge.chain(1.0),
-                _ => edge.meet(context, h, path.light.position, path.light.normal).0,
+                LightId::Environment => edge.chain(h, 1.0)?,
+                _ => edge.meet(context, h, path.light.position, path.light.normal)?.0,
             };
             others_of_hit(h, &chain, &end(edge.from, edge.origin.normal()), k as u32 + 1)
         }
@@ -48,7 +48,7 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
         (_, Some(y), Some(z)) => {
             let at_y = y.bsdf.evaluate(y.wo, path.dirs[s - 1], Mode::Importance);
             let at_z = z.bsdf.evaluate(z.wo, -path.dirs[s - 1], Mode::Radiance);
-            others_of_ends(h, &y, &z, &at_y, &at_z)
+            others_of_ends(h, [&y, &z], [&at_y, &at_z], -path.dirs[s - 1], y.position.distance_squared(z.position))
         }
         (_, Some(y), None) => {
             let at_y = y.bsdf.evaluate(y.wo, path.dirs[k - 1], Mode::Importance);
@@ -63,25 +63,26 @@ fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<
     let mut edge = Edge::from_light(path.light, path.dirs[0]);
     let mut last = None;
     for i in 1..s {
-        let v = vertex(context, h, path, i, &edge, -path.dirs[i - 1], |eta| 1.0 / eta);
+        let v = vertex(context, h, path, i, &edge, -path.dirs[i - 1], |eta| 1.0 / eta)?;
         edge = v.onward(h, Mode::Importance, path.dirs[i], v.bsdf.pdf_w(v.wo, path.dirs[i]));
         last = Some(v);
     }
     last
 }
 
-/// The last vertex of the camera subpath `x_k .. x_last`, if it is a surface, and the edge behind it.
-fn camera_side(context: &Context, h: Heuristic, path: &Path, last: usize) -> (Option<Vertex>, Edge) {
+/// The last vertex of the camera subpath `x_k .. x_last`, if it is a surface, and the edge behind it; `None` where rounding
+/// leaves a vertex without a density.
+fn camera_side(context: &Context, h: Heuristic, path: &Path, last: usize) -> Option<(Option<Vertex>, Edge)> {
     let k = path.depth();
     let mut edge = Edge::from_lens(context, path.lens, -path.dirs[k - 1]);
     let mut end = None;
     for i in (last..k).rev() {
-        let v = vertex(context, h, path, i, &edge, path.dirs[i], |eta| eta);
+        let v = vertex(context, h, path, i, &edge, path.dirs[i], |eta| eta)?;
         let wi = -path.dirs[i - 1];
         edge = v.onward(h, Mode::Radiance, wi, v.bsdf.pdf_w(v.wo, wi));
         end = Some(v);
     }
-    (end, edge)
+    Some((end, edge))
 }
 
 /// The vertex `x_i` where an edge meets it; `crossed` turns the path's index ratio into the subpath's.
@@ -93,10 +94,10 @@ fn vertex(
     edge: &Edge,
     wo: Vec3,
     crossed: impl Fn(f32) -> f32,
-) -> Vertex {
+) -> Option<Vertex> {
     let at = &path.surfaces[i - 1];
-    let (chain, back) = edge.meet(context, h, at.position, at.n_geometric);
-    Vertex {
+    let (chain, back) = edge.meet(context, h, at.position, at.n_geometric)?;
+    Some(Vertex {
         position: at.position,
         n_geometric: at.n_geometric,
         n_shading: at.n_shading,
@@ -114,5 +115,5 @@ fn vertex(
         chain,
         delta: at.dirac.is_some(),
         eta: at.dirac.map_or(1.0, crossed),
-    }
+    })
 }
