@@ -58,8 +58,11 @@ impl Chain {
     /// Where this side has generated a vertex with density `density` per area; `None` where rounding leaves none.
     #[inline]
     pub fn new(h: Heuristic, link: Link, density: f64) -> Option<Chain> {
+        if density <= 0.0 || !density.is_finite() {
+            return None;
+        }
         let scale = 1.0 / h.term(density);
-        (density > 0.0 && density.is_finite()).then(|| Chain { joint: link.joint * scale, tail: link.tail * scale })
+        Some(Chain { joint: link.joint * scale, tail: link.tail * scale })
     }
 
     /// Sum of the terms of all strategies with fewer vertices on this side, over the term of the one that connects
