@@ -10,7 +10,8 @@
 -- after weighting; here is what the weighting is worth, as error over time.
 --
 -- The scene is a box with a mirror and a glass sphere: light that reaches the walls through them is found by `nee` only
--- by chance, and by `bdpt` from the light.
+-- by chance, and by `bdpt` from the light. So the choice of weights makes a great difference to `bdpt` here, and hardly
+-- any to `nee`, whose noise is all in what no connection can find.
 
 local x = experiment("mis_study", { seed = 7 })
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::scene::load::Missing;
 use crate::value::Value;
 
 /// The whole command line.
@@ -59,6 +60,16 @@ pub struct Global {
     /// Say nothing but errors, warnings and data
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Go on where a material's texture cannot be read: its scalar value is used, with a note (run, plan, check)
+    #[arg(long, global = true)]
+    pub lenient: bool,
+}
+
+impl Global {
+    /// What becomes of textures that cannot be read.
+    pub fn missing(&self) -> Missing {
+        if self.lenient { Missing::Noted } else { Missing::Refused }
+    }
 }
 
 /// The verbs.

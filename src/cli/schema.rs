@@ -7,7 +7,7 @@ use super::exit::{Exit, Failure, data};
 use crate::metrics::tonemap::TONEMAPS;
 use crate::metrics::{Better, METRICS};
 use crate::render::BACKENDS;
-use crate::scene::desc::MATERIAL_PARAMS;
+use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use crate::scene::load::FORMATS;
 use crate::script::docgen;
 use crate::transport::integrator::INTEGRATORS;
@@ -36,7 +36,7 @@ fn tables() -> Json {
             .collect::<Vec<_>>(),
         "backends": BACKENDS.iter().map(|r| json!({ "name": r.name, "doc": r.doc })).collect::<Vec<_>>(),
         "material_params": MATERIAL_PARAMS.iter().map(|r| json!({
-            "name": r.name, "type": r.ty.describe(), "doc": r.doc, "scn_key": r.scn_key, "textured": r.texture.is_some(),
+            "name": r.name, "type": r.ty.describe(), "doc": r.doc, "scn_key": r.scn_key, "texture": r.texture.map(TextureSlot::name),
         })).collect::<Vec<_>>(),
         "formats": FORMATS.iter().map(|r| json!({ "name": r.name, "extensions": r.extensions, "doc": r.doc }))
             .collect::<Vec<_>>(),

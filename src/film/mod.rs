@@ -2,6 +2,7 @@
 //!
 //! Every buffer here is `[y][x][rgb]`, origin top-left, linear sRGB, radiance in scene units.
 
+pub mod layer;
 pub mod splat;
 
 use std::sync::Arc;

@@ -12,8 +12,8 @@ pub const MAX_SPLAT: f32 = 4_294_967_296.0;
 /// One unit of a sum is 2^-64: steps of 5.4e-20, and room for 2^31 splats of the greatest value on one pixel.
 const SUM_SCALE: f64 = (1u128 << 64) as f64;
 
-/// One unit of a sum of squares is 2^-44, with room for 2^20 squares of the greatest splat. Squares below 5.7e-14, of splats below 2.4e-7, count as nothing in the sum of
-/// squares; the sum itself keeps them.
+/// One unit of a sum of squares is 2^-44, with room for 2^20 squares of the greatest splat. Squares below 5.7e-14, of
+/// splats below 2.4e-7, count as nothing in the sum of squares; the sum itself keeps them.
 const SQUARE_SCALE: f64 = (1u64 << 44) as f64;
 
 /// A 128-bit number to which threads add without a lock: the carry of the low word is added to the high one. Only the
@@ -85,6 +85,36 @@ impl Splats {
     /// The sum of squares of a pixel.
     pub fn sum_of_squares(&self, pixel: usize) -> [f64; 3] {
         [0, 1, 2].map(|c| self.sums[pixel][c].get() as f64 / SQUARE_SCALE)
+    }
+}
+
+/// Splats and their squares: what joins the sums of a [`Film`](super::Film).
+#[derive(Debug)]
+pub struct SplatSums {
+    sum: Splats,
+    sum2: Splats,
+}
+
+impl SplatSums {
+    /// Sums of nothing for so many pixels, 96 bytes each.
+    pub fn new(pixels: usize) -> SplatSums {
+        SplatSums { sum: Splats::new(pixels), sum2: Splats::new(pixels) }
+    }
+
+    /// Adds a splat to a pixel, from any thread. Returns whether it can be counted, and is.
+    #[must_use]
+    pub fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
+        self.sum.add(pixel, value) && self.sum2.add_square(pixel, value)
+    }
+
+    /// The sums of a pixel and its sums of squares, of samples and splats together, given those of the `samples`
+    /// samples: see [`Film`](super::Film).
+    pub fn join(&self, pixel: usize, own: [f64; 3], own2: [f64; 3], samples: u64) -> ([f64; 3], [f64; 3]) {
+        let n = samples.max(1) as f64;
+        let (landed, squares) = (self.sum.sum(pixel), self.sum2.sum_of_squares(pixel));
+        let sum = [0, 1, 2].map(|c| own[c] + landed[c]);
+        let sum2 = [0, 1, 2].map(|c| own2[c] + squares[c] * (n - 1.0) / n + (sum[c] * sum[c] - own[c] * own[c]) / n);
+        (sum, sum2)
     }
 }
 

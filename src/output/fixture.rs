@@ -82,6 +82,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             resolution: Some([64, 36]),
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            films: Vec::new(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),
         }),

@@ -5,6 +5,7 @@
 
 pub mod exr;
 mod labels;
+pub mod layer;
 pub mod plot;
 pub mod png;
 pub mod summary;

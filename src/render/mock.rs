@@ -25,7 +25,14 @@ pub const ROW: BackendRow = BackendRow {
     name: "mock",
     doc: "Analytic convergence on a fake clock, for testing experiments without rendering.",
     probe: || Ok("a fake clock of 10 million paths per second".into()),
-    open: |scene, job| Ok(Box::new(MockRenderer::new(scene, job))),
+    // It knows neither paths nor surfaces.
+    layers: false,
+    open: |scene, job| {
+        if !job.layers.is_empty() {
+            return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
+        }
+        Ok(Box::new(MockRenderer::new(scene, job)))
+    },
 };
 
 /// A run of the mock backend.
@@ -178,6 +185,7 @@ mod tests {
             max_depth: 5,
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            layers: Vec::new(),
             seed,
             threads: 1,
         }

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::film::Film;
+use crate::film::layer::{Layer, LayerFilm};
 use crate::scene::CompiledScene;
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::IntegratorRow;
@@ -30,6 +31,8 @@ pub struct Job {
     pub rr_start: Option<u32>,
     /// Pixel filter.
     pub filter: FilterSpec,
+    /// The layers to fill besides the picture; none cost nothing.
+    pub layers: Vec<Layer>,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
@@ -97,6 +100,17 @@ pub trait Renderer: Send {
     /// The sums so far.
     fn film(&self) -> &Film;
 
+    /// The films of the layers that the job asked for, in the order of [`LAYERS`](crate::film::layer::LAYERS); empty
+    /// if it asked for none.
+    fn layers(&self) -> &[LayerFilm] {
+        &[]
+    }
+
+    /// The sums so far of film `index` of [`Renderer::layers`]; `None` if there is no such film.
+    fn layer(&self, _index: usize) -> Option<Film> {
+        None
+    }
+
     /// What opening cost.
     fn open_stats(&self) -> &OpenStats;
 }
@@ -112,6 +126,8 @@ pub struct BackendRow {
     pub doc: &'static str,
     /// Whether this machine can use it, and on what; the text is the device or the reason why not.
     pub probe: fn() -> Result<String, String>,
+    /// Whether it can fill layers. If not, a plan that asks it for some is refused.
+    pub layers: bool,
     /// Starts a run.
     pub open: OpenFn,
 }

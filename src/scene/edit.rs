@@ -2,17 +2,23 @@
 //!
 //! Tables say everything that can be set: [`SCENE_PARAMS`], [`ENTITY_PARAMS`], [`LIGHT_PARAMS`],
 //! [`ENVIRONMENT_PARAMS`] and the material table ([`MATERIAL_PARAMS`]). Names of materials, entities and lights may hold
-//! dots: the last part of a path is the parameter.
+//! dots: the last part of a path is the parameter. Textures are set by slot ([`TextureSlot::name`]) to a file, or to an
+//! empty text for none.
 
 mod lights;
+
+use std::path::Path;
+use std::sync::Arc;
 
 use glam::Vec3;
 
 pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam};
 
+use super::desc::material::MaterialParam;
 use super::desc::{
-    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, MaterialDesc, SceneDesc, ShapeDesc,
+    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, SceneDesc, ShapeDesc, TextureSlot,
 };
+use super::load;
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
 
@@ -163,10 +169,12 @@ fn vector(v: &Value) -> Vec3 {
 }
 
 /// Sets one value by its path: one of [`SCENE_PARAMS`], `materials.NAME.PARAM`, `materials.*.PARAM` (every material
-/// that emits nothing), `entities.NAME.PARAM`, `lights.NAME.PARAM` or `environment.PARAM`.
+/// that emits nothing), `entities.NAME.PARAM`, `lights.NAME.PARAM` or `environment.PARAM`. `PARAM` of a material is also
+/// a texture slot, whose value is a file relative to the current folder.
 ///
 /// # Errors
-/// A path that names nothing in the scene, with the nearest name; a value of the wrong kind or out of range.
+/// A path that names nothing in the scene, with the nearest name; a value of the wrong kind or out of range; a texture
+/// that cannot be read.
 pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), SchemaError> {
     if let Some(row) = SCENE_PARAMS.iter().find(|row| row.path == path) {
         let key = path.rsplit('.').next().unwrap_or(path);
@@ -211,20 +219,51 @@ fn name_and_param<'a>(path: &str, rest: &'a str, what: &str) -> Result<(&'a str,
     })
 }
 
+/// The names of everything that a material has.
+fn material_params() -> impl Iterator<Item = &'static str> + Clone {
+    MATERIAL_PARAMS.iter().map(|row| row.name).chain(TextureSlot::ALL.into_iter().map(TextureSlot::name))
+}
+
 fn set_material(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Result<(), SchemaError> {
     let (name, param) = name_and_param(path, rest, "materials")?;
-    let find_row = || MATERIAL_PARAMS.iter().find(|row| row.name == param);
-    let unknown_param = || unknown_name(path, param, "material parameter", MATERIAL_PARAMS.iter().map(|row| row.name));
-    if name == ALL_MATERIALS {
-        let row = find_row().ok_or_else(unknown_param)?;
-        row.ty.check(path, param, value)?;
-        let dark = |m: &&mut MaterialDesc| m.emission == Vec3::ZERO;
-        return desc.materials.iter_mut().filter(dark).try_for_each(|m| row.set(m, path, value));
+    let change = match (MATERIAL_PARAMS.iter().find(|row| row.name == param), TextureSlot::from_name(param)) {
+        (Some(row), _) => {
+            row.ty.check(path, param, value)?;
+            Change::Param(row)
+        }
+        (None, Some(slot)) => {
+            Ty::Str.check(path, param, value)?;
+            Change::Texture(slot)
+        }
+        (None, None) => return Err(unknown_name(path, param, "material parameter", material_params())),
+    };
+    let rows: Vec<usize> = if name == ALL_MATERIALS {
+        (0..desc.materials.len()).filter(|i| desc.materials[*i].emission == Vec3::ZERO).collect()
+    } else {
+        let unknown = || unknown_name(path, name, "material", desc.materials.iter().map(|m| m.name.as_str()));
+        vec![desc.material_row(name).ok_or_else(unknown)?]
+    };
+    match change {
+        Change::Param(row) => rows.into_iter().try_for_each(|i| row.set(&mut desc.materials[i], path, value)),
+        Change::Texture(slot) => {
+            let file = value.as_str().unwrap_or_default();
+            let texture = if file.is_empty() {
+                None
+            } else {
+                // What a texture's file could not have said exactly is noted where a scene names it, not here.
+                let read = load::texture(Path::new(file), &mut Vec::new());
+                Some(Arc::new(read.map_err(|e| problem(path, param, e.to_string()))?))
+            };
+            rows.into_iter().for_each(|i| desc.materials[i].set_texture(slot, texture.clone()));
+            Ok(())
+        }
     }
-    match desc.material_row(name) {
-        Some(i) => find_row().ok_or_else(unknown_param)?.set(&mut desc.materials[i], path, value),
-        None => Err(unknown_name(path, name, "material", desc.materials.iter().map(|m| m.name.as_str()))),
-    }
+}
+
+/// What an edit of a material changes.
+enum Change {
+    Param(&'static MaterialParam),
+    Texture(TextureSlot),
 }
 
 fn set_entity(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Result<(), SchemaError> {
@@ -258,7 +297,7 @@ fn set_entity(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Re
 pub fn paths(desc: &SceneDesc) -> Vec<String> {
     let mut paths: Vec<String> = SCENE_PARAMS.iter().map(|row| row.path.to_owned()).collect();
     let materials = std::iter::once(ALL_MATERIALS).chain(desc.materials.iter().map(|m| m.name.as_str()));
-    paths.extend(materials.flat_map(|m| MATERIAL_PARAMS.iter().map(move |row| format!("materials.{m}.{}", row.name))));
+    paths.extend(materials.flat_map(|m| material_params().map(move |name| format!("materials.{m}.{name}"))));
     for e in &desc.entities {
         let rows = ENTITY_PARAMS.iter().filter(|row| (row.applies)(&e.shape));
         paths.extend(rows.map(|row| format!("entities.{}.{}", e.name, row.name)));

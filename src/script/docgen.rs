@@ -6,7 +6,7 @@ use std::fmt::Write;
 use super::api::{ApiFn, FUNCTIONS, Param, experiment, measure, render, report, stop};
 use crate::metrics::tonemap::TONEMAPS;
 use crate::metrics::{Better, METRICS};
-use crate::scene::desc::MATERIAL_PARAMS;
+use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use crate::transport::integrator::INTEGRATORS;
 use crate::value::schema::{Field, Table, Ty};
 
@@ -207,6 +207,15 @@ fn material_paths(out: &mut String) {
     out.push_str("-- Paths of materials for `set`, as in set = { [\"materials.egg.ior\"] = 1.5 }:\n");
     for param in MATERIAL_PARAMS {
         line(out, format_args!("--   materials.NAME.{}: {}; {}", param.name, param.ty.describe(), param.doc));
+    }
+    for slot in TextureSlot::ALL {
+        line(
+            out,
+            format_args!(
+                "--   materials.NAME.{}: a file relative to the current folder or else to the script's, \"\" for none",
+                slot.name()
+            ),
+        );
     }
 }
 

@@ -100,6 +100,7 @@ fn config_json(config: &CellConfig) -> Json {
         "resolution": config.resolution,
         "rr_start": config.rr_start,
         "aa": { "filter": kind, "radius": config.filter.radius },
+        "films": config.films.iter().map(|layer| layer.row().name).collect::<Vec<_>>(),
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,
     })

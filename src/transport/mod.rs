@@ -38,8 +38,9 @@
 //! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube. [Burley 2012] Physically
 //! Based Shading at Disney. [Walter et al. 2007] Microfacet Models for Refraction through Rough Surfaces. [Heitz 2014]
 //! Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. [Heitz 2018] Sampling the GGX Distribution of
-//! Visible Normals. [Dupuy & Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] the position of
-//! smooth-shaded points that hides the shadow terminator, as section 3.3 of the second source cites it.
+//! Visible Normals. [Dupuy & Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] M. Vives,
+//! "shading_position.hlls", a gist of the user pixnblox on GitHub (5e64b0724c186313bc7b6ce096b08820), which section 3.3 of
+//! the second source cites as [10]; undated there.
 
 pub mod bsdf;
 pub mod camera;

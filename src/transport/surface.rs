@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
+use super::light::DirectSample;
 use super::ray::{Hit, Ray, offset_origin};
 use crate::math::rng::{pcg4d, unit};
 use crate::scene::CompiledScene;
@@ -28,6 +29,9 @@ pub struct Surface<'a> {
     pub material: &'a Material,
     /// Index into the scene's emitters, or [`NONE`].
     pub emitter: u32,
+    /// Where edges towards light leave that the triangle itself would hide; `None` for all others, and where the material
+    /// does not ask for it.
+    pub overhang: Option<Overhang>,
 }
 
 impl<'a> Surface<'a> {
@@ -50,6 +54,7 @@ impl<'a> Surface<'a> {
                 uv: uv_at(scene, ray, hit),
                 material: &scene.materials[attributes.material as usize],
                 emitter: attributes.emitter,
+                overhang: None,
             }
         } else {
             let sphere = &scene.spheres[i - scene.triangles.len()];
@@ -62,10 +67,11 @@ impl<'a> Surface<'a> {
                 uv: sphere_uv(n),
                 material: &scene.materials[sphere.material as usize],
                 emitter: sphere.emitter,
+                overhang: None,
             }
         };
         if surface.material.shadow_terminator && i < scene.triangles.len() {
-            surface.hide_terminator(scene, ray, hit);
+            surface.overhang = surface.find_overhang(scene, ray, hit);
         }
         if surface.material.uses_tangents() {
             surface.orient(scene, hit);
@@ -73,14 +79,15 @@ impl<'a> Surface<'a> {
         surface
     }
 
-    /// Moves the position onto the surface that the corner normals suggest, where that lies on the side the ray came
-    /// from: the point's projections onto the corners' tangent planes, interpolated [Vives]. Refractive materials
-    /// stay as they are, since a path that goes on inside would meet the surface again.
+    /// The smooth surface above this point of a triangle, where the corner normals suggest one on the side the ray came
+    /// from: the point's projections onto the corners' tangent planes, interpolated [Vives]. Refractive materials have
+    /// none, since a path that goes on inside would meet the surface again.
     #[cold]
-    fn hide_terminator(&mut self, scene: &CompiledScene, ray: &Ray, hit: &Hit) {
+    fn find_overhang(&self, scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Option<Overhang> {
         let m = self.material;
-        if m.metallic < 1.0 && (m.opacity < 1.0 || m.opacity_texture != NONE) {
-            return;
+        let opaque = m.opacity >= 1.0 && m.opacity_texture == NONE;
+        if !opaque && (m.metallic < 1.0 || m.metallic_texture != NONE) {
+            return None;
         }
         let i = hit.primitive as usize;
         let [v, w] = hit.uv;
@@ -89,10 +96,28 @@ impl<'a> Surface<'a> {
         for ((weight, corner), n) in weights.into_iter().zip(scene.triangles[i]).zip(scene.attributes[i].normals) {
             lift -= n * ((self.position - corner).dot(n) * weight);
         }
-        let facing = if ray.dir.dot(self.n_geometric) < 0.0 { self.n_geometric } else { -self.n_geometric };
-        if lift.dot(facing) > 0.0 {
-            self.position += lift;
-        }
+        let up = if ray.dir.dot(self.n_geometric) < 0.0 { self.n_geometric } else { -self.n_geometric };
+        (lift.dot(up) > 0.0).then(|| Overhang {
+            base: self.position,
+            crest: offset_origin(self.position + lift, up),
+            up,
+            raised: false,
+        })
+    }
+
+    /// This surface as edges meet it that leave from the crest of its overhang, if it has one. They cannot be found from
+    /// their other end by chance, which the normal zero says: every density of arriving here is zero.
+    #[inline]
+    pub fn raised(&self) -> Option<Surface<'a>> {
+        let over = self.overhang?;
+        let overhang = Some(Overhang { raised: true, ..over });
+        Some(Surface { position: over.crest, n_geometric: Vec3::ZERO, overhang, ..*self })
+    }
+
+    /// The edge on which a path that came here goes on into `dir`, if that is one from the crest.
+    #[inline]
+    pub fn overhang_into(&self, dir: Vec3) -> Option<Overhang> {
+        self.overhang.filter(|o| o.carries(dir))
     }
 
     /// Applies the normal map and finds the direction of anisotropy.
@@ -152,8 +177,57 @@ impl<'a> Surface<'a> {
     /// A ray from here into `dir`, started off the surface on the side to which it goes.
     #[inline]
     pub fn spawn(&self, dir: Vec3) -> Ray {
+        if let Some(over) = self.overhang_into(dir) {
+            return Ray { origin: over.crest, dir };
+        }
         let side = if dir.dot(self.n_geometric) < 0.0 { -self.n_geometric } else { self.n_geometric };
         Ray { origin: offset_origin(self.position, side), dir }
+    }
+}
+
+/// The smooth surface that a triangle's corner normals suggest above one of its points, which hides the shadow terminator:
+/// the hard edge where light passes below the triangle's plane, but not below the tangent plane of the shading normal.
+///
+/// The source moves every point up before it is shaded [Vives], so that an edge has other ends when it is traced from its
+/// other end: techniques that trace light from both sides disagree then. Here a path's points stay where they are, and only
+/// an edge towards light whose far end lies below the triangle's plane, which could carry nothing otherwise, leaves from
+/// the point above: the crest. All techniques agree on that, since
+/// - every other edge is as without an overhang, so that far ends above the plane are reached from the base only;
+/// - an edge from the crest is allowed towards light, at the vertex that is nearer to the camera, and not the other way;
+/// - no technique can find it from its far end by chance, so that this density is zero in all weights.
+///
+/// What remains is the bias that is wanted: a surface that is lit where its triangles would hide the light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Overhang {
+    /// The point of the triangle.
+    pub base: Vec3,
+    /// The point above it, already moved off the surface.
+    pub crest: Vec3,
+    /// Unit normal of the triangle on the side where the crest is.
+    pub up: Vec3,
+    /// Whether edges from the crest are meant, or those from the base.
+    pub raised: bool,
+}
+
+impl Overhang {
+    /// Whether an edge in this direction leaves from the crest, if its far end [is below the plane](Self::reaches).
+    #[inline]
+    pub fn carries(&self, dir: Vec3) -> bool {
+        dir.dot(self.up) <= 0.0
+    }
+
+    /// Whether a point lies below the triangle's plane.
+    #[inline]
+    pub fn reaches(&self, point: Vec3) -> bool {
+        (point - self.base).dot(self.up) <= 0.0
+    }
+
+    /// Whether light sampled from here is for the other one of base and crest.
+    #[inline]
+    pub fn refuses(&self, direct: &DirectSample) -> bool {
+        let below =
+            if direct.distance.is_finite() { self.reaches(direct.point.position) } else { self.carries(direct.wi) };
+        below != self.raised
     }
 }
 

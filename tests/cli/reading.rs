@@ -91,6 +91,11 @@ fn the_schema_is_printed_for_editors_and_for_programs() {
         assert!(!tables[table].as_array().unwrap().is_empty(), "{table}");
     }
     assert_eq!(tables["integrators"][0]["name"], "bpt");
+    for row in tables["integrators"].as_array().unwrap().iter().filter(|row| row["name"] != "bpt") {
+        let fields = row["params"]["fields"].as_array().unwrap();
+        let select = fields.iter().find(|f| f["key"] == "select").unwrap();
+        assert_eq!(select["default"], "power", "{}: lights are chosen", row["name"]);
+    }
 }
 
 #[test]

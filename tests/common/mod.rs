@@ -8,7 +8,10 @@ use glam::{Vec2, Vec3};
 use lumbre::film::Film;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Emitter, MaskMode, Material, Model, NONE, Sphere, Texture, TriangleAttributes, UvMap};
+use lumbre::scene::compile::{
+    DirectionalLight, Emitter, Environment, MaskMode, Material, Model, NONE, PointLight, Sphere, Texture,
+    TriangleAttributes, UvMap,
+};
 use lumbre::scene::desc::CameraDesc;
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
@@ -87,6 +90,11 @@ impl SceneBuilder {
         }
     }
 
+    /// How many triangles there are so far.
+    pub fn triangle_count(&self) -> usize {
+        self.scene.triangles.len()
+    }
+
     /// Adds a texture and returns its index.
     pub fn texture(&mut self, texture: Texture) -> u32 {
         self.scene.textures.push(texture);
@@ -149,6 +157,29 @@ impl SceneBuilder {
         self
     }
 
+    /// A change to what is there so far.
+    pub fn with(mut self, change: impl FnOnce(&mut CompiledScene)) -> SceneBuilder {
+        change(&mut self.scene);
+        self
+    }
+
+    /// A point that shines.
+    pub fn point(self, position: Vec3, intensity: Vec3) -> SceneBuilder {
+        self.with(|s| s.points.push(PointLight { position, intensity }))
+    }
+
+    /// Parallel light that travels in a direction.
+    pub fn directional(self, direction: Vec3, irradiance: Vec3) -> SceneBuilder {
+        let direction = direction.try_normalize().expect("a direction");
+        self.with(|s| s.directionals.push(DirectionalLight { direction, irradiance }))
+    }
+
+    /// Light from outside: a map turned by an angle, or the colour from everywhere.
+    pub fn environment(self, map: Option<Texture>, radiance: Vec3, rotation_deg: f32) -> SceneBuilder {
+        let rotation_rad = rotation_deg.to_radians();
+        self.with(|s| s.environment = Some(Environment { map: map.map(Arc::new), radiance, rotation_rad }))
+    }
+
     /// The finished scene.
     pub fn build(self) -> Arc<CompiledScene> {
         Arc::new(self.scene)
@@ -164,6 +195,7 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
         max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        layers: Vec::new(),
         seed,
         threads: 0,
     }

@@ -151,6 +151,7 @@ pub fn config() -> CellConfig {
         resolution: Some([8, 4]),
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        films: Vec::new(),
         set: BTreeMap::new(),
         backend: "mock".into(),
     }

@@ -7,6 +7,7 @@ use lumbre::experiment::spec::{
     CellConfig, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat, TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
+use lumbre::film::layer::Layer;
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::transport::camera::FilterKind;
@@ -81,6 +82,9 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("integrator's parameters", |p| {
             p.config.params.insert("mis".into(), "balance".into());
         }),
+        ("choice of lights", |p| {
+            p.config.params.insert("select".into(), "area".into());
+        }),
         ("depth", |p| p.config.max_depth = Some(6)),
         ("depth of the scene", |p| p.config.max_depth = None),
         ("resolution", |p| both(p, |c| c.resolution = Some([4, 8]))),
@@ -90,6 +94,13 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("filter", |p| p.config.filter.kind = FilterKind::Gauss),
         ("filter radius", |p| p.config.filter.radius = 0.75),
         ("backend", |p| p.config.backend = "cpu".into()),
+        ("layers", |p| {
+            // The mock has none.
+            (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth]);
+        }),
+        ("other layers", |p| {
+            (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth, Layer::Albedo]);
+        }),
         ("seed", |p| p.lab.spec.seed = 2),
         ("stop", |p| p.stop = StopRule::Samples(17)),
         ("stop of another kind", |p| p.stop = StopRule::Waves(16)),

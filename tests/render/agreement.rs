@@ -127,7 +127,7 @@ fn differences(who: &Technique, image: &[(f64, f64)], expected: &[(f64, f64)], l
 }
 
 /// Every technique against `bpt`.
-fn agree_with_bpt(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
+pub fn agree_with_bpt(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
     agree(Setting { scene, depth, rr_start, samples, noise: 0.01 }, &technique("bpt", &[]), &variants());
 }
 
@@ -152,7 +152,7 @@ fn raw(s: u32, t: u32) -> Technique {
 }
 
 /// A room with a floor, a wall, and lights of very unequal areas: two triangles and a sphere.
-fn room(eye: Vec3) -> SceneBuilder {
+pub fn room(eye: Vec3) -> SceneBuilder {
     let big = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
     let small = [Vec3::new(0.5, 1.6, 0.5), Vec3::new(0.9, 1.6, 0.5), Vec3::new(0.5, 1.6, 1.0)];
     let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
@@ -163,7 +163,8 @@ fn room(eye: Vec3) -> SceneBuilder {
         .triangle(small, [Vec2::ZERO; 3], light(9.0))
 }
 
-const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
+/// Where the room is seen from.
+pub const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
 
 #[test]
 fn diffuse_surfaces_under_unequal_lights() {

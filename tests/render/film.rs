@@ -14,10 +14,10 @@ use lumbre::transport::sampler::Sampler;
 
 use crate::common::{SceneBuilder, job};
 
-const SIZE: [u32; 2] = [23, 11];
+pub const SIZE: [u32; 2] = [23, 11];
 
 /// Brings some light to the sample's own pixel and three splats of very different sizes to pixels anywhere.
-fn scatter(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+pub fn scatter(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     let own = Vec3::new(sampler.next_1d(), 0.5, 2.0);
     sink(Contribution { pixel, value: own, unweighted: own * 2.0, s: 0, t: 2 });
     for (i, size) in [1e-6, 1.0, 3000.0].into_iter().enumerate() {
@@ -29,7 +29,7 @@ fn scatter(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn F
 }
 
 /// One bad value of each kind at pixel 4, 5, sample 2.
-fn damaged(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+pub fn damaged(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     let good = Vec3::splat(sampler.next_1d());
     sink(Contribution { pixel, value: good, unweighted: good, s: 0, t: 2 });
     if pixel == [4, 5] {
@@ -41,20 +41,20 @@ fn damaged(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn F
     }
 }
 
-fn row(sample: lumbre::transport::integrator::SampleFn) -> &'static IntegratorRow {
+pub fn row(sample: lumbre::transport::integrator::SampleFn) -> &'static IntegratorRow {
     let bpt = integrator("bpt").unwrap();
     Box::leak(Box::new(IntegratorRow { name: "made_up", sample, ..*bpt }))
 }
 
-fn made_up(integrator: &'static IntegratorRow, threads: usize) -> Job {
+pub fn made_up(integrator: &'static IntegratorRow, threads: usize) -> Job {
     Job { integrator, threads, ..job(SIZE, 5, 3) }
 }
 
-fn empty() -> Arc<CompiledScene> {
+pub fn empty() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0).build()
 }
 
-fn run(job: Job, waves: &[u64]) -> (Film, Vec<WaveStats>) {
+pub fn run(job: Job, waves: &[u64]) -> (Film, Vec<WaveStats>) {
     let mut renderer = CpuRenderer::new(empty(), job).unwrap();
     let stats = waves.iter().map(|n| renderer.advance(*n).unwrap()).collect();
     (renderer.film().clone(), stats)
@@ -111,6 +111,24 @@ fn variance_of_splats_is_that_of_repeated_films() {
     let said = films.iter().flat_map(|f| f.variance_of_mean().data).map(|p| f64::from(p[0])).sum::<f64>() / n;
     // 15,180 nearly independent pixels: the spread is known to about two parts in a hundred.
     assert!((spread / said - 1.0).abs() < 0.06, "{spread} {said}");
+}
+
+#[test]
+fn deviates_of_splats_have_unit_variance() {
+    let row = row(scatter);
+    let films: Vec<Film> = (0..20).map(|seed| run(Job { seed, ..made_up(row, 0) }, &[256]).0).collect();
+    let mut squares = Vec::new();
+    for film in films {
+        for (mean, variance) in film.mean().data.iter().zip(film.variance_of_mean().data) {
+            // Own samples bring 1/2 in the mean, and of each of the three splats of a sample one lands here.
+            let expected = 0.5 + 3_001.000_001;
+            let deviate = (f64::from(mean[0]) - expected) / f64::from(variance[0]).sqrt();
+            squares.push(deviate * deviate);
+        }
+    }
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    // 5060 squares of variance 2, and a little more for the variances being estimated: 256 splats on a pixel.
+    assert!((mean - 1.0).abs() < 0.1, "{mean}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use lumbre::scene::SceneDesc;
-use lumbre::scene::desc::{MATERIAL_PARAMS, ShapeDesc, content_hash};
+use lumbre::scene::desc::{MATERIAL_PARAMS, ShapeDesc, TextureSlot, content_hash};
 use lumbre::scene::edit::{paths, set};
 use lumbre::scene::load::load;
 use lumbre::value::Value;
@@ -97,6 +97,9 @@ fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
 /// A value that no parameter has by default.
 fn other_value(path: &str) -> Value {
     let last = path.rsplit('.').next().unwrap();
+    if TextureSlot::from_name(last).is_some() {
+        return builtin_path("material_ball/checks.png").to_str().unwrap().into();
+    }
     if let Some(row) = MATERIAL_PARAMS.iter().find(|row| path.starts_with("materials.") && row.name == last) {
         return match row.ty {
             Ty::Nums { len, .. } => nums(&[0.25, 0.75, 0.125][..len]),
@@ -119,7 +122,7 @@ fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
     let base = content_hash(&scene());
     let mut seen = BTreeMap::from([(base, "nothing".to_owned())]);
     let all = paths(&scene());
-    assert_eq!(all.len(), 8 + 4 * MATERIAL_PARAMS.len() + 5 + 4);
+    assert_eq!(all.len(), 8 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4);
     for path in all {
         let mut s = scene();
         set(&mut s, &path, &other_value(&path)).unwrap_or_else(|e| panic!("{e}"));

@@ -112,7 +112,11 @@ fn missing_and_broken_files_are_one_error_that_names_all() {
     assert!(e.contains("a.scn: entities[0].file: cannot read") && e.contains("no.obj"), "{e}");
     let texture = r#"{ "materials": [ { "name": "m", "albedotexture": "no.png" } ] }"#;
     let e = scn(texture).unwrap_err().to_string();
-    assert!(e.contains("a.scn: materials[0].albedotexture: cannot read") && e.contains("no.png"), "{e}");
+    assert!(
+        e.contains("a.scn: materials[0].albedotexture: texture of the material `m`: cannot read")
+            && e.contains("no.png"),
+        "{e}"
+    );
     let folder = Folder::new(&[
         ("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#),
         ("b.scn", r#"{ "materials": [ { "name": "m", "masktexture": "m.obj" } ] }"#),
@@ -150,7 +154,7 @@ fn meshes_and_textures_named_twice_are_read_once() {
     assert!(Arc::ptr_eq(first, desc.materials[1].texture(TextureSlot::Emission).unwrap()));
     let names: Vec<&str> = desc.entities.iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["m", "m_2", "sphere", "sphere_2", "sphere_3", "sphere_4"]);
-    assert!(lines(&notes).contains("entities[5].name: taken: the entity is called `sphere_4`"));
+    assert!(lines(&notes).contains("entities[5].name: taken: it is called `sphere_4`"));
     assert_eq!(desc.materials.last().unwrap().name, DEFAULT_MATERIAL, "asked for by the quad and the spheres");
 }
 

@@ -63,6 +63,7 @@ pub fn measure(
         max_depth: scene.max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        layers: Vec::new(),
         seed: 1,
         threads,
     };

@@ -135,6 +135,14 @@ pub enum PlanError {
         /// The most pixels there may be.
         limit: u64,
     },
+    /// Layers that cannot be had.
+    #[error("`films` at {point}: {reason}")]
+    Films {
+        /// Where in the sweep.
+        point: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
     /// A path length of zero.
     #[error("at {point}: `max_depth` is 0: a path from the camera to a light has at least 1 edge")]
     NoDepth {

@@ -68,7 +68,10 @@ pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8
         ("filter", filter),
         ("backend", config.backend.as_str().into()),
     ];
-    fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    // Left out where there are none, so that runs without layers keep the ids they had before layers existed.
+    let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
+    let films = (!films.is_empty()).then_some(("films", Value::List(films)));
+    fields.into_iter().chain(films).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end: the identity of a rendered reference.

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
+use crate::film::layer::Layout;
 use crate::render;
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
@@ -72,10 +73,23 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
+        Self::films(&config, u64::from(width) * u64::from(height), max_depth)
+            .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
         let picture = identity::picture(&config, row, &hash);
         Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
+    }
+
+    /// Whether the backend fills layers and there is room for them.
+    fn films(config: &CellConfig, pixels: u64, max_depth: u32) -> Result<(), String> {
+        if config.films.is_empty() {
+            return Ok(());
+        }
+        if !render::backend(&config.backend).is_some_and(|row| row.layers) {
+            return Err(format!("backend `{}` cannot fill layers", config.backend));
+        }
+        Layout::new(&config.films, max_depth, pixels).map(drop)
     }
 
     /// The id and identity of a file that serves as a reference.

@@ -8,8 +8,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
+use super::layers::{LayerSums, Sums, Tally};
 use crate::film::Film;
-use crate::film::splat::Splats;
+use crate::film::layer::LayerFilm;
+use crate::film::splat::SplatSums;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
@@ -36,6 +38,8 @@ pub struct CpuRenderer {
     splats: OnceLock<SplatSums>,
     /// Both together, where there are splats.
     joint: Option<Film>,
+    /// The layers, where the job asks for any.
+    layers: Option<LayerSums>,
     open_stats: OpenStats,
 }
 
@@ -43,9 +47,10 @@ impl CpuRenderer {
     /// Builds everything that is not per sample.
     ///
     /// # Errors
-    /// When the threads cannot be started or the scene's hierarchy cannot be used.
+    /// When the threads cannot be started, the scene's hierarchy cannot be used, or the layers are too large.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, RenderError> {
         let failed = |reason: String| RenderError::Failed { backend: "cpu", reason };
+        let layers = LayerSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(job.threads)
             .thread_name(|i| format!("render-{i}"))
@@ -63,6 +68,7 @@ impl CpuRenderer {
             own: Film::new(job.resolution[0], job.resolution[1]),
             splats: OnceLock::new(),
             joint: None,
+            layers,
             accel,
             scene,
             job,
@@ -79,33 +85,9 @@ impl CpuRenderer {
         let own = &self.own;
         let film = self.joint.get_or_insert_with(|| Film::new(own.width, own.height));
         film.samples = own.samples;
-        let n = own.samples as f64;
         for (i, (sum, sum2)) in film.sum.iter_mut().zip(&mut film.sum2).enumerate() {
-            let (landed, squares) = (splats.sum.sum(i), splats.sum2.sum_of_squares(i));
-            for c in 0..3 {
-                let (s, all) = (own.sum[i][c], own.sum[i][c] + landed[c]);
-                sum[c] = all;
-                // So that the variance of both together comes out: see `Film`.
-                sum2[c] = own.sum2[i][c] + squares[c] * (n - 1.0) / n + (all * all - s * s) / n;
-            }
+            (*sum, *sum2) = splats.join(i, own.sum[i], own.sum2[i], own.samples);
         }
-    }
-}
-
-/// Splats and their squares.
-struct SplatSums {
-    sum: Splats,
-    sum2: Splats,
-}
-
-impl SplatSums {
-    fn new(pixels: usize) -> SplatSums {
-        SplatSums { sum: Splats::new(pixels), sum2: Splats::new(pixels) }
-    }
-
-    /// Adds a splat; `false` where it cannot be counted.
-    fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
-        self.sum.add(pixel, value) && self.sum2.add_square(pixel, value)
     }
 }
 
@@ -151,9 +133,10 @@ impl Renderer for CpuRenderer {
         let start = Instant::now();
         let first = self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
-        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, pool, .. } = self;
+        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, pool, .. } = self;
         let settings = Settings::new(&job.params);
-        let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]]| {
+        let (mut layer_rows, spec) = LayerSums::rows(layers, height);
+        let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]], layer_row: Option<&mut [Sums]>| {
             let trace = Counted { accel, rays: Cell::new(0) };
             let context = Context {
                 scene,
@@ -165,23 +148,31 @@ impl Renderer for CpuRenderer {
                 settings: &settings,
             };
             let mut stats = RowStats::default();
+            let mut tally = layer_row.zip(spec).map(|(row, spec)| Tally::new(spec, row));
             for x in 0..width {
                 let pixel = [x, y];
                 for sample in first..first + samples {
                     let mut value = Vec3::ZERO;
                     let mut invalid = 0;
                     let mut sampler = Sampler::new(job.seed, pixel, sample);
+                    let rays = trace.rays.get();
                     (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
                         if c.t != 1 && c.pixel == pixel {
                             value += c.value;
-                        } else if c.value != Vec3::ZERO {
+                            invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
+                        } else {
                             let inside = c.pixel[0] < width && c.pixel[1] < height;
-                            let sums = splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
                             let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
-                            invalid += u64::from(!(inside && sums.add(at, c.value.to_array())));
+                            let sums = || splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
+                            if c.value != Vec3::ZERO && !(inside && sums().add(at, c.value.to_array())) {
+                                invalid += 1;
+                            } else if let Some(tally) = tally.as_mut().filter(|_| inside) {
+                                invalid += tally.splat(at, &c);
+                            }
                         }
                     });
-                    if value.is_finite() {
+                    let finite = value.is_finite();
+                    if finite {
                         for c in 0..3 {
                             let v = f64::from(value[c]);
                             sum[x as usize][c] += v;
@@ -189,6 +180,11 @@ impl Renderer for CpuRenderer {
                         }
                     } else {
                         invalid += 1;
+                    }
+                    if let Some(tally) = &mut tally {
+                        let rays = trace.rays.get() - rays;
+                        let again = || Sampler::new(job.seed, pixel, sample);
+                        invalid += tally.close(&context, pixel, finite, rays, again);
                     }
                     if invalid > 0 {
                         let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
@@ -201,7 +197,9 @@ impl Renderer for CpuRenderer {
         let stats = pool.install(|| {
             let width = width as usize;
             let rows = film.sum.par_chunks_mut(width).zip(film.sum2.par_chunks_mut(width)).enumerate();
-            rows.map(|(y, (sum, sum2))| render_row(y as u32, sum, sum2)).reduce(RowStats::default, RowStats::merge)
+            let rows = rows.zip(layer_rows.par_iter_mut());
+            rows.map(|((y, (sum, sum2)), layers)| render_row(y as u32, sum, sum2, layers.take()))
+                .reduce(RowStats::default, RowStats::merge)
         });
         film.samples += samples;
         let paths = samples * film.sum.len() as u64;
@@ -218,6 +216,15 @@ impl Renderer for CpuRenderer {
 
     fn film(&self) -> &Film {
         self.joint.as_ref().unwrap_or(&self.own)
+    }
+
+    fn layers(&self) -> &[LayerFilm] {
+        self.layers.as_ref().map_or(&[], LayerSums::films)
+    }
+
+    fn layer(&self, index: usize) -> Option<Film> {
+        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
+        Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
     }
 
     fn open_stats(&self) -> &OpenStats {

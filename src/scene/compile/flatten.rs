@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
 use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, lights, materials, tangents};
+use crate::math::distribution::Alias;
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
 use crate::scene::{Note, SceneError};
 use crate::value::schema::SchemaError;
@@ -30,11 +31,12 @@ const PARALLEL_SINE: f32 = 1e-5;
 ///
 /// # Errors
 /// A camera that looks nowhere, a point beyond the range of coordinates, a mesh whose arrays do not belong together,
-/// more primitives than [`MAX_PRIMITIVES`], or a light with values that mean nothing.
+/// more primitives than [`MAX_PRIMITIVES`], more lights than [`Alias`] can choose among, or a material or light with values
+/// that mean nothing.
 pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
-    let (rows, textures) = materials::rows(desc, &mut notes);
+    let (rows, textures) = materials::rows(desc, &mut notes)?;
     let unbound = lights::compile(desc, &mut notes)?;
     let count = desc.entities.iter().map(|e| match &e.shape {
         ShapeDesc::Mesh(m) => m.triangles.len(),
@@ -75,6 +77,11 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
     }
     let mut notes = names.notes;
     scene.bounds = bounds(&scene);
+    let lights = scene.emitters.len() + scene.points.len() + scene.directionals.len();
+    if lights >= Alias::MAX_ITEMS {
+        let problem = format!("{lights} triangles, spheres and other lights shine, more than {}", Alias::MAX_ITEMS - 1);
+        return Err(malformed(Path::new(""), "entities".to_owned(), problem));
+    }
     let whole = |message: &str| Note { file: PathBuf::new(), place: "scene".to_owned(), message: message.to_owned() };
     let dark = scene.emitters.is_empty() && scene.points.is_empty() && scene.directionals.is_empty();
     let surrounded = scene.environment.is_some();

@@ -6,17 +6,45 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::{Material, NONE, Texture, UvMap};
-use crate::scene::Note;
-use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot};
+use crate::scene::desc::{
+    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot,
+};
+use crate::scene::{Note, SceneError};
+use crate::value::Value;
+use crate::value::schema::{SchemaError, Ty};
 
 /// Rows for every material of the scene, and one default row for a scene without any.
-pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> (Vec<Material>, Vec<Texture>) {
+///
+/// # Errors
+/// A parameter that is no finite number, or lies outside its range: loaders and edits leave none, code may.
+pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<(Vec<Material>, Vec<Texture>), SceneError> {
+    desc.materials.iter().try_for_each(check)?;
     let mut bank = Bank::default();
     let mut rows: Vec<Material> = desc.materials.iter().map(|m| row(m, &mut bank, notes)).collect();
     if rows.is_empty() {
         rows.push(row(&MaterialDesc::new(DEFAULT_MATERIAL), &mut bank, notes));
     }
-    (rows, bank.textures)
+    Ok((rows, bank.textures))
+}
+
+/// Whether every number of a material means something.
+fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
+    for row in MATERIAL_PARAMS {
+        let (Ty::Num { min, max } | Ty::Nums { min, max, .. }) = row.ty else { continue };
+        let value = (row.get)(m);
+        // A bound that `f32` cannot hold is met by the number next to it.
+        let slack = |bound: f64| f64::from(f32::EPSILON) * bound.abs();
+        let fits = |x: &Value| x.as_f64().is_some_and(|x| x >= min - slack(min) && x <= max + slack(max));
+        if !value.as_list().map_or_else(|| fits(&value), |items| items.iter().all(fits)) {
+            return Err(SchemaError {
+                path: format!("materials.{}.{}", m.name, row.name),
+                problem: format!("{value} is out of range: expected {}", row.ty.describe()),
+                help: None,
+                key: row.name.to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
@@ -64,24 +92,28 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
 #[derive(Default)]
 struct Bank {
     textures: Vec<Texture>,
-    /// By content, sRGB decoding, and clamping to 0..=1.
-    index: BTreeMap<([u8; 32], bool, bool), u32>,
+    /// By content, sRGB decoding, and whether values below 0 and above 1 are moved.
+    index: BTreeMap<([u8; 32], bool, [bool; 2]), u32>,
 }
 
 impl Bank {
     fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
         // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
-        let stays_in_range = !matches!(slot, TextureSlot::Emission | TextureSlot::Mask);
-        let bounded = stays_in_range && matches!(desc.texels, Texels::RgbaF32(_));
+        let float = matches!(desc.texels, Texels::RgbaF32(_));
+        let bounded = match slot {
+            TextureSlot::Mask => [false; 2],
+            TextureSlot::Emission => [float, false],
+            _ => [float; 2],
+        };
         *self.index.entry((desc.content_hash, slot.is_srgb(), bounded)).or_insert_with(|| {
             let mut texture = Texture::decode(desc, slot.is_srgb());
-            if bounded && clamp(&mut texture) {
-                notes.push(Note {
-                    file: desc.file.clone(),
-                    place: "image".to_owned(),
-                    message: "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped"
-                        .to_owned(),
-                });
+            if clamp(&mut texture, bounded) {
+                let message = match bounded {
+                    [_, true] => "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped",
+                    _ => "it holds negative values, which no light can have: they count as black",
+                };
+                let message = message.to_owned();
+                notes.push(Note { file: desc.file.clone(), place: "image".to_owned(), message });
             }
             self.textures.push(texture);
             self.textures.len() as u32 - 1
@@ -89,11 +121,12 @@ impl Bank {
     }
 }
 
-/// Moves texels into 0..=1; says whether any moved.
-fn clamp(texture: &mut Texture) -> bool {
+/// Moves texels below 0 to 0 and above 1 to 1, where asked to; says whether any moved.
+fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
+    let (low, high) = (if below { 0.0 } else { f32::NEG_INFINITY }, if above { 1.0 } else { f32::INFINITY });
     let mut moved = false;
     for x in texture.texels.as_flattened_mut() {
-        let inside = x.clamp(0.0, 1.0);
+        let inside = x.clamp(low, high);
         moved |= inside != *x;
         *x = inside;
     }
@@ -112,7 +145,7 @@ mod tests {
         Arc::new(TextureDesc { file: PathBuf::from("t"), width: 1, height: 1, texels, content_hash })
     }
 
-    fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
+    fn scene(materials: Vec<MaterialDesc>) -> SceneDesc {
         let camera = CameraDesc {
             position: Vec3::Z,
             target: Vec3::ZERO,
@@ -121,7 +154,7 @@ mod tests {
             aperture: 0.0,
             focus_distance: None,
         };
-        let desc = SceneDesc {
+        SceneDesc {
             resolution: [1, 1],
             max_depth: 1,
             camera,
@@ -129,10 +162,35 @@ mod tests {
             entities: vec![],
             lights: vec![],
             environment: None,
-        };
+        }
+    }
+
+    fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
         let mut notes = Vec::new();
-        let (rows, textures) = rows(&desc, &mut notes);
+        let (rows, textures) = rows(&scene(materials), &mut notes).unwrap();
         (rows, textures, notes)
+    }
+
+    #[test]
+    fn numbers_that_mean_nothing_are_errors_that_name_material_and_parameter() {
+        type Break = (&'static str, fn(&mut MaterialDesc));
+        let breaks: [Break; 7] = [
+            ("roughness", |m| m.roughness = f32::NAN),
+            ("roughness", |m| m.roughness = -0.1),
+            ("ior", |m| m.ior = 0.0),
+            ("ior", |m| m.ior = -1.5),
+            ("base_color", |m| m.base_color.y = f32::NAN),
+            ("emission", |m| m.emission.x = f32::INFINITY),
+            ("tiling", |m| m.tiling = f32::INFINITY),
+        ];
+        for (name, change) in breaks {
+            let mut m = MaterialDesc::new("oak");
+            change(&mut m);
+            let e = rows(&scene(vec![MaterialDesc::new("fine"), m]), &mut Vec::new()).unwrap_err().to_string();
+            assert!(e.contains(&format!("materials.oak.{name}")), "{e}");
+        }
+        let edge = MaterialDesc { ior: crate::scene::desc::material::MIN_IOR as f32, ..MaterialDesc::new("m") };
+        assert!(rows(&scene(vec![edge]), &mut Vec::new()).is_ok());
     }
 
     #[test]
@@ -180,5 +238,14 @@ mod tests {
         assert_eq!(textures[rows[0].base_color_texture as usize].texels[0], [1.0, 0.5, 0.0]);
         assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.5, 0.0]);
         assert_eq!(notes.len(), 1);
+    }
+
+    #[test]
+    fn negative_light_is_black_and_noted() {
+        let mut m = MaterialDesc { emission: Vec3::ONE, ..MaterialDesc::new("m") };
+        m.textures = vec![(TextureSlot::Emission, texture(Texels::RgbaF32(vec![[4.0, -0.5, 0.0, 1.0]])))];
+        let (rows, textures, notes) = compiled(vec![m]);
+        assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.0, 0.0]);
+        assert!(notes.len() == 1 && notes[0].message.contains("negative"), "{notes:?}");
     }
 }

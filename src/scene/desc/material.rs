@@ -54,6 +54,37 @@ pub enum TextureSlot {
 }
 
 impl TextureSlot {
+    /// Every slot, in order.
+    pub const ALL: [TextureSlot; 8] = [
+        TextureSlot::BaseColor,
+        TextureSlot::Emission,
+        TextureSlot::Mask,
+        TextureSlot::Roughness,
+        TextureSlot::Metallic,
+        TextureSlot::Opacity,
+        TextureSlot::AnisotropicDirection,
+        TextureSlot::Normal,
+    ];
+
+    /// Name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
+    pub fn name(self) -> &'static str {
+        match self {
+            TextureSlot::BaseColor => "base_color_texture",
+            TextureSlot::Emission => "emission_texture",
+            TextureSlot::Mask => "mask_texture",
+            TextureSlot::Roughness => "roughness_texture",
+            TextureSlot::Metallic => "metallic_texture",
+            TextureSlot::Opacity => "opacity_texture",
+            TextureSlot::AnisotropicDirection => "anisotropic_direction_texture",
+            TextureSlot::Normal => "normal_texture",
+        }
+    }
+
+    /// The slot with this name in scripts.
+    pub fn from_name(name: &str) -> Option<TextureSlot> {
+        TextureSlot::ALL.into_iter().find(|slot| slot.name() == name)
+    }
+
     /// Whether eight-bit texels of this role are decoded from sRGB; data textures never are.
     pub fn is_srgb(self) -> bool {
         match self {
@@ -154,7 +185,7 @@ pub struct MaterialDesc {
     pub mask_threshold: f32,
     /// How a mask decides.
     pub mask_mode: MaskMode,
-    /// Whether paths start from the smooth surface that the vertex normals suggest.
+    /// Whether light reaches the smooth surface that the vertex normals suggest above a triangle.
     pub shadow_terminator: bool,
     /// Factor on texture coordinates.
     pub tiling: f32,
@@ -201,6 +232,13 @@ impl MaterialDesc {
     /// The texture in a slot.
     pub fn texture(&self, slot: TextureSlot) -> Option<&Arc<TextureDesc>> {
         self.textures.iter().find(|(s, _)| *s == slot).map(|(_, t)| t)
+    }
+
+    /// Puts a texture into a slot, or empties it.
+    pub fn set_texture(&mut self, slot: TextureSlot, texture: Option<Arc<TextureDesc>>) {
+        self.textures.retain(|(s, _)| *s != slot);
+        self.textures.extend(texture.map(|t| (slot, t)));
+        self.textures.sort_by_key(|(s, _)| *s);
     }
 }
 
@@ -426,8 +464,9 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &[
         scn_texture_key: "",
         ty: Ty::Bool,
         unit: "",
-        doc: "Whether paths leave opaque triangles from the curved surface that their normals suggest, which hides the \
-              hard edge of shadows at grazing light but biases the picture [Vives].",
+        doc: "Whether light that passes below an opaque triangle still reaches the curved surface that its normals \
+              suggest, which hides the hard edge where smooth shading meets shadow [Vives]. It shows another surface than \
+              the triangles, so it is off unless asked for.",
         get: |m| Value::Bool(m.shadow_terminator),
         set_checked: |m, v| m.shadow_terminator = *v == Value::Bool(true),
         texture: None,
@@ -461,6 +500,17 @@ impl MaterialParam {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_slot_belongs_to_one_row_and_has_a_name_of_its_own() {
+        for slot in TextureSlot::ALL {
+            assert_eq!(MATERIAL_PARAMS.iter().filter(|row| row.texture == Some(slot)).count(), 1, "{slot:?}");
+            assert_eq!(TextureSlot::from_name(slot.name()), Some(slot));
+            assert!(MATERIAL_PARAMS.iter().all(|row| row.name != slot.name()));
+        }
+        let keyed = |row: &&MaterialParam| row.texture.is_some() == row.scn_texture_key.is_empty();
+        assert_eq!(MATERIAL_PARAMS.iter().filter(keyed).count(), 0);
+    }
 
     #[test]
     fn every_row_writes_what_it_reads_and_defaults_are_in_range() {

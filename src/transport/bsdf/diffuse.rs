@@ -1,9 +1,13 @@
 //! The diffuse lobe of [Burley 2012]: retro-reflection at grazing angles, a flatter variant for scattering below the
 //! surface, and the sheen of cloth.
 //!
-//! It conserves energy only approximately: a white surface of roughness 1 together with its specular lobe reflects up
-//! to a few per cent more than it receives at grazing angles, and a strong sheen adds to that. The values agree with
-//! other renderers' and are kept.
+//! It does not conserve energy. It was fitted to measured materials, takes nothing off for what the reflection over it
+//! takes, and brightens towards grazing angles: a white dielectric of index 1.5 and roughness 1 sends back 1.05 of the
+//! light that falls on it straight, 1.18 at a cosine of 0.3 and 1.42 at 0.1; of index 2.5, 1.09, 1.24 and 1.50. The
+//! subsurface variant reaches 1.65. Sheen and specular tint are divided by the colour's luminance, so that saturated
+//! blues count up to 14 times: with a full, fully tinted blue sheen the blue channel reaches 2.7. A grey of 0.6 stays
+//! below one but at grazing angles. The values are those of the sources and agree with other renderers', so they are
+//! kept; the tests hold how far they go. In closed scenes of such whites paths grow with depth: bound it.
 
 use std::f32::consts::FRAC_1_PI;
 

@@ -7,14 +7,15 @@ use glam::Vec3;
 
 use super::clearcoat::Clearcoat;
 use super::diffuse::Diffuse;
-use super::fresnel::{self, Interface};
+use super::fresnel;
 use super::ggx::Ggx;
 use super::{LobeSample, Local, Mode};
 use crate::math::warp;
 
-/// Where the index differs from 1 by less, a half vector of refraction has no digits left: the interface is treated as
-/// smooth, which it looks like, since it bends nothing.
-const MATCHED_INDEX: f32 = 1e-3;
+/// A refractive interface bends rays by about `|ior - 1| alpha`. Where that is less than this many radians, the half
+/// vector of a refraction has no digits left in single precision: the interface is treated as smooth, which it looks
+/// like, and what it reflects is too little to be seen.
+const LEAST_BEND: f32 = 1e-4;
 
 /// A rough lobe is sampled at least this often relative to its weight: its reflectance away from normals that face the
 /// viewer can be more than the estimate from the macroscopic cosine says.
@@ -70,8 +71,9 @@ impl Disney {
             None => Vec3::splat(exact),
             Some(tinted) => {
                 let f0 = f0_of(self.ior);
-                let blend = ((exact - f0) / (1.0 - f0)).clamp(0.0, 1.0);
-                tinted + (Vec3::ONE - tinted) * blend
+                // The reflectance of a high index dips below that of normal incidence before it rises.
+                let blend = (exact - f0) / (1.0 - f0);
+                (tinted + (Vec3::ONE - tinted) * blend).max(Vec3::ZERO)
             }
         }
     }
@@ -92,7 +94,7 @@ impl Disney {
     /// Whether the refractive lobe is a Dirac lobe.
     #[inline]
     fn smooth_glass(&self) -> bool {
-        self.smooth || (self.ior - 1.0).abs() < MATCHED_INDEX
+        self.smooth || (self.ior - 1.0).abs() * self.ggx.alpha[1] < LEAST_BEND
     }
 
     /// Whether any lobe has a density.
@@ -237,7 +239,7 @@ impl Disney {
         } else if u < c.diffuse + c.reflection {
             if self.smooth {
                 let wi = Vec3::new(-o.x, -o.y, o.z);
-                let weight = self.opaque_reflectance(o.z) * (self.coat.passes(o.z, o.z) / c.reflection);
+                let weight = self.opaque_reflectance(o.z) / c.reflection * self.coat.passes(o.z, o.z);
                 Local::new(LobeSample { wi, weight, eta: 1.0 }, c.reflection, true)
             } else {
                 let wi = mirrored(o, self.ggx.sample(o, v));
@@ -252,9 +254,9 @@ impl Disney {
                 self.smooth_refraction(o, rest, eta, mode, &c)?
             } else {
                 let h = self.ggx.sample(o, v);
-                let interface = fresnel::dielectric(o.dot(h).max(0.0), eta);
-                let wi = if rest < interface.reflectance { mirrored(o, h) } else { refracted(o, h, &interface)? };
-                if (wi.z > 0.0) != (rest < interface.reflectance) {
+                let reflectance = fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
+                let wi = if rest < reflectance { mirrored(o, h) } else { refracted(o, h, eta)? };
+                if (wi.z > 0.0) != (rest < reflectance) {
                     return None;
                 }
                 self.finish(o, wi, eta, mode, &c)?
@@ -298,7 +300,11 @@ fn mirrored(o: Vec3, h: Vec3) -> Vec3 {
     h * (2.0 * o.dot(h)) - o
 }
 
+/// The direction refracted at `h`. Its tangential part is taken from the vectors rather than from their cosine, which has
+/// no digits left for it near the normal: what is returned is a unit vector even where rays are bent strongly.
 #[inline]
-fn refracted(o: Vec3, h: Vec3, interface: &Interface) -> Option<Vec3> {
-    (interface.cos_t > 0.0).then(|| h * (o.dot(h) / interface.eta - interface.cos_t) - o / interface.eta)
+fn refracted(o: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
+    let along = (h * o.dot(h) - o) / eta;
+    let cos2_t = 1.0 - along.length_squared();
+    (cos2_t > 0.0).then(|| along - h * cos2_t.sqrt())
 }

@@ -8,10 +8,10 @@ use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
-use crate::transport::light::DirectSample;
+use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::Surface;
+use crate::transport::surface::{Overhang, Surface};
 use crate::transport::vertex;
 use crate::value::schema::Table;
 
@@ -23,7 +23,11 @@ pub const ROW: IntegratorRow = IntegratorRow {
     doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
           meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
           where no connection could find it: seen directly or after a specular event.",
-    params: Table { name: "NeeParams", doc: "Parameters of `nee`.", fields: &[mis::FIELD, settings::LIGHTS] },
+    params: Table {
+        name: "NeeParams",
+        doc: "Parameters of `nee`.",
+        fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
+    },
     sample,
 };
 
@@ -51,6 +55,7 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     let mut eta_scale = 1.0f32;
     let mut last = None;
+    let mut over: Option<Overhang> = None;
     for depth in 1..=context.max_depth {
         let mut found = |radiance: Vec3, s: u32, weight: f32| {
             if radiance != Vec3::ZERO {
@@ -73,6 +78,9 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             break;
         };
         let surface = Surface::at(scene, &ray, &hit);
+        if over.is_some_and(|o| !o.reaches(surface.position)) {
+            break;
+        }
         let wo = -ray.dir;
         let emitted = surface.emitted(&scene.textures, wo);
         if emitted != Vec3::ZERO {
@@ -91,28 +99,33 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
         }
         let bsdf = Bsdf::new(&surface, &scene.textures);
         if bsdf.has_density() {
-            let mut join = |direct: Option<DirectSample>| {
+            let mut join = |surface: &Surface, direct: Option<DirectSample>| {
                 if let Some(direct) = direct
-                    && let Some((radiance, weight)) = connect(context, &surface, &bsdf, wo, &direct)
+                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, wo, &direct)
                 {
                     let unweighted = throughput * radiance;
                     sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1 });
                 }
             };
-            if settings.all_lights {
-                for light in lights.each() {
-                    join(lights.sample_direct_from(scene, light, surface.position, sampler.next_2d()));
+            for surface in std::iter::once(surface).chain(surface.raised()) {
+                let from = surface.position;
+                if settings.all_lights {
+                    for light in lights.each() {
+                        join(&surface, lights.sample_direct_from(scene, light, from, sampler.next_2d()));
+                    }
+                } else {
+                    let choice = sampler.next_1d();
+                    join(&surface, lights.sample_direct(scene, from, choice, sampler.next_2d()));
                 }
-            } else {
-                let choice = sampler.next_1d();
-                join(lights.sample_direct(scene, surface.position, choice, sampler.next_2d()));
             }
         }
         let choice = sampler.next_1d();
         let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
         throughput *= s.weight;
         eta_scale *= s.eta * s.eta;
-        last = (!s.delta).then_some(Last { from: surface.position, pdf_w: s.pdf_w });
+        over = surface.overhang_into(s.wi);
+        let from = over.map_or(surface.position, |o| o.crest);
+        last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
         if context.rr_start.is_some_and(|start| depth >= start) {
             let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
             if sampler.next_1d() >= survival {
@@ -131,7 +144,8 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
 fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
     let f = bsdf.eval(wo, direct.wi, Mode::Radiance) * direct.wi.dot(surface.n_shading).abs();
     let radiance = f * direct.radiance / direct.pdf_w;
-    if radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
+    let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
+    if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
         return None;
     }
     let lit = if direct.distance.is_finite() {

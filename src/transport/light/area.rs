@@ -39,25 +39,38 @@ pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
     }
 }
 
+/// Density per area with which [`sample`] finds any point of emitter `i`.
+#[inline]
+pub(super) fn pdf_a(scene: &CompiledScene, i: u32) -> f32 {
+    1.0 / scene.emitters[i as usize].area
+}
+
 /// Light that arrives at `from` from a point uniform over the area; `None` behind it. The choice is not included.
 #[inline]
 pub(super) fn sample_direct(scene: &CompiledScene, i: u32, from: Vec3, u: [f32; 2]) -> Option<DirectSample> {
     let point = sample(scene, i, u);
     let to = point.position - from;
     let distance = to.length();
-    let wi = to / distance;
-    let pdf_w = pdf_direct_w(scene, i, from, point.position, point.normal);
-    let usable = pdf_w > 0.0 && pdf_w.is_finite();
-    usable.then(|| DirectSample { wi, distance, radiance: emission(scene, i, point.uv), pdf_w, delta: false, point })
+    let pdf_w = density(to, distance, point.normal, scene.emitters[i as usize].area);
+    (pdf_w > 0.0).then(|| {
+        let radiance = emission(scene, i, point.uv);
+        DirectSample { wi: to / distance, distance, radiance, pdf_w, delta: false, point }
+    })
 }
 
 /// Density per solid angle at `from` of a point uniform over the area; zero behind it.
 #[inline]
 pub(super) fn pdf_direct_w(scene: &CompiledScene, i: u32, from: Vec3, at: Vec3, normal: Vec3) -> f32 {
     let to = at - from;
-    let d2 = to.length_squared();
-    let cos = -to.dot(normal) / d2.sqrt();
-    if cos > 0.0 { d2 / (cos * scene.emitters[i as usize].area) } else { 0.0 }
+    density(to, to.length(), normal, scene.emitters[i as usize].area)
+}
+
+/// Density per solid angle of a point that is uniform over `area`, seen along `to`; zero from behind, and where it leaves
+/// the range of numbers.
+#[inline]
+fn density(to: Vec3, distance: f32, normal: Vec3, area: f32) -> f32 {
+    let pdf_w = distance * distance * distance / (-to.dot(normal) * area);
+    if pdf_w > 0.0 && pdf_w.is_finite() { pdf_w } else { 0.0 }
 }
 
 /// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.

@@ -17,6 +17,21 @@
 //! | environment | its brightness times solid angle | the same, then uniform over a disk across the direction |
 //!
 //! Throughput at the start of a light path is `radiance * cos / (pdf_a * pdf_w)` for every kind.
+//!
+//! # Densities of a path's last edge
+//!
+//! How the strategies of bidirectional methods find the last edge of a path, from the surface point x to the light
+//! [Veach 1997, 8.2 and 10.3]: `w` is the unit direction from x to the light, `c` the probability of choosing it
+//! ([`Lights::pdf_choice`]), `p(w)` the density with which the surface samples `w`, R the radius of the ball around all
+//! surfaces ([`Lights::pdf_emission_at`] has the disk's density). In a path that ends at a light without a place, the
+//! direction takes the part of the last vertex, and its density stays per solid angle: the disk is only a way of finding x.
+//!
+//! | light | met (s = 0) | sampled from x (s = 1) | start of a light path (s >= 2), then x |
+//! |---|---|---|---|
+//! | surface, at y | p(w) cos_y / d^2 per area of y | c [`Lights::pdf_direct_one_w`] cos_y / d^2 per area of y | c / area per area of y; then cos_y / pi per solid angle |
+//! | environment | p(w) per solid angle | c p_env(w) per solid angle | c p_env(w) per solid angle; then cos_x / (pi R^2) per area of x |
+//! | direction | never | c, a Dirac | c, a Dirac; then cos_x / (pi R^2) per area of x |
+//! | point | never | c, a Dirac | c, a Dirac; then 1 / (4 pi) per solid angle |
 
 mod area;
 mod bounds;
@@ -37,7 +52,7 @@ use crate::math::distribution::Alias;
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
 
-pub use select::Select;
+pub use select::{FIELD as SELECT_FIELD, Select};
 
 /// All light sources of a scene. They have indices: emissive primitives first, then points, directions, and the
 /// environment.
@@ -53,8 +68,8 @@ pub struct Lights {
     total_area: f64,
 }
 
-/// Relative luminance of linear sRGB.
-fn luminance(color: Vec3) -> f64 {
+/// Relative luminance of linear sRGB [IEC 61966-2-1].
+pub fn luminance(color: Vec3) -> f64 {
     color.as_dvec3().dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
@@ -289,7 +304,7 @@ impl Lights {
                     point,
                     dir: Frame::from_normal(point.normal).to_world(local),
                     radiance: area::emission(scene, i, point.uv),
-                    pdf_a: 1.0 / scene.emitters[i as usize].area,
+                    pdf_a: area::pdf_a(scene, i),
                     pdf_w: warp::cosine_hemisphere_pdf_w(local.z),
                     cos: local.z,
                 }
@@ -316,7 +331,7 @@ impl Lights {
     /// cosine with the front normal is `cos`.
     #[inline]
     pub fn pdf_emission(&self, scene: &CompiledScene, i: u32, cos: f32) -> EmissionPdf {
-        let pdf_a = self.pdf_choice(LightId::Emitter(i)) / scene.emitters[i as usize].area;
+        let pdf_a = self.pdf_choice(LightId::Emitter(i)) * area::pdf_a(scene, i);
         EmissionPdf { pdf_a, pdf_w: warp::cosine_hemisphere_pdf_w(cos) }
     }
 

@@ -8,6 +8,18 @@ use super::{LightId, area, luminance};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{NONE, Texture};
 use crate::transport::surface::lookup;
+use crate::value::Value;
+use crate::value::schema::{Field, Ty};
+
+/// The key `select` of every integrator that chooses among lights.
+pub const FIELD: Field = Field {
+    key: "select",
+    ty: Ty::Word(&["uniform", "area", "power"]),
+    required: false,
+    default: "power",
+    doc: "how likely each light is chosen: all alike, in proportion to its area (the first source's way), or to the \
+          power that it sends into the scene",
+};
 
 /// How one light is chosen among all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,8 +46,8 @@ impl Select {
     }
 
     /// The choice that the parameter `select` of an integrator asks for; the default where it has none.
-    pub fn of(params: &BTreeMap<String, crate::value::Value>) -> Select {
-        params.get("select").and_then(|v| v.as_str()).and_then(Select::named).unwrap_or_default()
+    pub fn of(params: &BTreeMap<String, Value>) -> Select {
+        params.get(FIELD.key).and_then(Value::as_str).and_then(Select::named).unwrap_or_default()
     }
 }
 
@@ -83,13 +95,13 @@ fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let probe = |k: u32| {
         let u = [(k % side) as f32 + 0.5, (k / side) as f32 + 0.5].map(|x| x / side as f32);
         let uv = area::sample(scene, i, u).uv;
-        luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling).abs())
+        luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
     };
     let seen = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);
     plain * (seen + WHOLE * brightness[m.emission_texture as usize])
 }
 
 fn mean_luminance(texture: &Texture) -> f64 {
-    let sum: f64 = texture.texels.iter().map(|t| luminance(glam::Vec3::from_array(*t).abs())).sum();
+    let sum: f64 = texture.texels.iter().map(|t| luminance(glam::Vec3::from_array(*t))).sum();
     sum / texture.texels.len().max(1) as f64
 }

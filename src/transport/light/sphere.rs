@@ -59,10 +59,12 @@ pub(super) fn sample(sphere: &Sphere, from: Vec3, u: [f32; 2]) -> Option<ConeSam
     let sin2 = q * (2.0 - q);
     let sin = sin2.sqrt();
     let (sin_phi, cos_phi) = (TAU * u[1]).sin_cos();
-    // The angle at the centre between the point and where the sphere is nearest, by the law of sines.
+    // The angle at the centre between the point and where the sphere is nearest is that at the point, by the law of
+    // sines, less that at `from`. Its sine is computed by itself: near the surface its cosine says nothing of it.
     let rim = (sin / cone.sin).min(1.0);
-    let cos_center = (sin2 / cone.sin + cos * (1.0 - rim * rim).sqrt()).min(1.0);
-    let sin_center = (1.0 - cos_center * cos_center).sqrt();
+    let rim_cos = ((1.0 - rim) * (1.0 + rim)).sqrt();
+    let sin_center = (rim * cos - rim_cos * sin).max(0.0);
+    let cos_center = rim_cos * cos + rim * sin;
     let frame = Frame::from_normal(cone.axis);
     let local = Vec3::new(sin_center * cos_phi, sin_center * sin_phi, -cos_center);
     Some(ConeSample {

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
-use super::reader::{Object, Report, number, numbers};
+use super::reader::{Object, Report, number, numbers, shorten};
 use crate::scene::SceneError;
 use crate::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
-use crate::scene::load::images;
+use crate::scene::load::{Missing, images};
 use crate::value::Value;
 use crate::value::schema::Ty;
 
@@ -35,6 +35,31 @@ impl Textures {
         self.0.insert(path, texture.clone());
         Ok(Some(texture))
     }
+
+    /// The same for a slot of a material, which is named where the texture cannot be read. Where that is no error, the
+    /// slot stays empty.
+    fn of_material(
+        &mut self,
+        key: &str,
+        material: &str,
+        object: &mut Object,
+        report: &mut Report,
+    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+        let whose = || format!("texture of the material `{}`", shorten(material));
+        let error = match self.load(key, object, report) {
+            Err(SceneError::Malformed { file, place, problem }) => {
+                SceneError::Malformed { file, place, problem: format!("{}: {problem}", whose()) }
+            }
+            other => return other,
+        };
+        match report.missing {
+            Missing::Refused => Err(error),
+            Missing::Noted => {
+                report.note(object.at(key), format!("{error}: the scalar value is used"));
+                Ok(None)
+            }
+        }
+    }
 }
 
 /// Reads a material. Radiance is `emission * color`, so the product is what the description stores; a light without a
@@ -56,7 +81,7 @@ pub(super) fn read(
             row.set(&mut material, &place, &value).map_err(|e| report.error(e.path, e.problem))?;
         }
         if let Some(slot) = row.texture
-            && let Some(texture) = textures.load(row.scn_texture_key, &mut object, report)?
+            && let Some(texture) = textures.of_material(row.scn_texture_key, &material.name, &mut object, report)?
         {
             material.textures.push((slot, texture));
         }

@@ -33,7 +33,7 @@ use serde_json::Value as Json;
 use self::material::Textures;
 use self::reader::{Object, Report, kind, numbers, shorten};
 use super::obj::{Front, load_mesh};
-use super::read;
+use super::{Missing, read};
 use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
     Transform,
@@ -60,9 +60,9 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 }
 
 /// Reads a `.scn` file and every mesh and texture that it names.
-pub(super) fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let bytes = read(path, MAX_SCN_BYTES)?;
-    let mut report = Report { file: path.to_owned(), notes: Vec::new() };
+    let mut report = Report { file: path.to_owned(), missing, notes: Vec::new() };
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let json: Json = serde_json::from_slice(text).map_err(|e| {
         let message = e.to_string();

@@ -61,7 +61,8 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
     let d = context.lights.sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
     let f = z.bsdf.eval(z.wo, d.wi, Mode::Radiance) * z.cos(d.wi);
     let unweighted = z.throughput * f * d.radiance / d.pdf_w;
-    if unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
+    let refused = z.overhang.is_some_and(|o| o.refuses(&d));
+    if refused || unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
         return None;
     }
     let lit = if d.distance.is_finite() {
@@ -79,6 +80,8 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
 /// `s >= 2`, `t >= 2`: the ends of two subpaths.
 #[inline]
 pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<Connection> {
+    let raised = z.overhang.filter(|o| o.reaches(y.position)).and_then(|_| z.raised());
+    let z = raised.as_ref().unwrap_or(z);
     let edge = y.position - z.position;
     let distance2 = edge.length_squared();
     let wi = edge / distance2.sqrt();

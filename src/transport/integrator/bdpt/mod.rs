@@ -15,7 +15,7 @@ use glam::Vec3;
 
 use super::{Context, IntegratorRow, settings};
 use crate::transport::contribution::Contribution;
-use crate::transport::light::LightPoint;
+use crate::transport::light::{LightPoint, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::sampler::Sampler;
 use crate::value::schema::Table;
@@ -32,7 +32,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     params: Table {
         name: "BdptParams",
         doc: "Parameters of `bdpt`.",
-        fields: &[mis::FIELD, settings::STRATEGIES, settings::CONTRIBUTION],
+        fields: &[mis::FIELD, SELECT_FIELD, settings::STRATEGIES, settings::CONTRIBUTION],
     },
     sample,
 };
@@ -101,10 +101,12 @@ pub fn each(
         if !z.connectible || t > max {
             continue;
         }
-        if settings.wants(1, t)
-            && let Some(c) = connect::next_event(context, h, z, sampler)
-        {
-            found(c, 1, t, pixel, subpaths.lens);
+        if settings.wants(1, t) {
+            for z in std::iter::once(z).chain(z.raised().as_ref()) {
+                if let Some(c) = connect::next_event(context, h, z, sampler) {
+                    found(c, 1, t, pixel, subpaths.lens);
+                }
+            }
         }
         for (y, s) in subpaths.light.iter().zip(2..).take_while(|(_, s)| s + t - 1 <= max) {
             if y.connectible

@@ -11,7 +11,7 @@ use crate::transport::light::{EmissionSample, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::Surface;
+use crate::transport::surface::{Overhang, Surface};
 use crate::transport::vertex;
 
 /// A vertex on a surface, generated from the camera or from a light.
@@ -27,7 +27,7 @@ pub struct Vertex {
     pub wo: Vec3,
     /// Position of the vertex before; meaningless for a light without a place.
     pub previous: Vec3,
-    /// Unit normal of the vertex before; zero for a point of the lens.
+    /// Unit normal of the vertex before; zero for a point of the lens or of an overhang.
     pub n_previous: Vec3,
     /// Turns a density per solid angle here into the other side's density of the vertex before; zero where the other
     /// side cannot generate it.
@@ -36,6 +36,8 @@ pub struct Vertex {
     pub bsdf: Bsdf,
     /// Whether anything can be connected here: the BSDF has a density, and the surface does not end paths.
     pub connectible: bool,
+    /// Where edges towards light leave that the triangle itself would hide.
+    pub overhang: Option<Overhang>,
     /// Row of the scene's emitters, or [`NONE`].
     pub emitter: u32,
     /// Texture coordinates before tiling.
@@ -59,12 +61,12 @@ pub enum Origin {
     Lens,
     /// A light.
     Light(LightPoint),
-    /// A surface with this unit normal.
+    /// A surface with this unit normal; zero for the crest of an overhang, where no path can arrive.
     Surface(Vec3),
 }
 
 impl Origin {
-    /// The unit normal there; zero for a point of the lens.
+    /// The unit normal there; zero for a point of the lens or of an overhang.
     #[inline]
     pub fn normal(&self) -> Vec3 {
         match self {
@@ -195,12 +197,16 @@ fn walk(
     path: &mut Vec<Vertex>,
 ) -> Option<Escape> {
     let mut roulette = Roulette { start: context.rr_start, promise: Vec3::ONE };
+    let mut over: Option<Overhang> = None;
     for count in 1..=max_edges {
         let Departure { ray, edge, throughput } = departure;
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
             return Some(Escape { edge, throughput });
         };
         let surface = Surface::at(context.scene, &ray, &hit);
+        if over.is_some_and(|o| !o.reaches(surface.position)) {
+            return None;
+        }
         let mut v = edge.arrive(context, h, &surface, mode, throughput)?;
         let ends = v.emitter != NONE && !surface.material.emitter_reflects;
         if ends || count == max_edges {
@@ -211,6 +217,7 @@ fn walk(
         let next = v.depart(h, mode, &surface, count, &mut roulette, sampler);
         path.push(v);
         departure = next?;
+        over = surface.overhang_into(departure.ray.dir);
     }
     None
 }
@@ -282,6 +289,7 @@ impl Edge {
             back,
             connectible: bsdf.has_density(),
             bsdf,
+            overhang: surface.overhang,
             emitter: surface.emitter,
             uv: surface.uv,
             emitted,
@@ -298,6 +306,14 @@ impl Vertex {
     #[inline]
     pub fn cos(&self, wi: Vec3) -> f32 {
         wi.dot(self.n_shading).abs()
+    }
+
+    /// This vertex as edges meet it that leave from the crest of its overhang: see [`Surface::raised`].
+    #[inline]
+    pub fn raised(&self) -> Option<Vertex> {
+        let over = self.overhang?;
+        let overhang = Some(Overhang { raised: true, ..over });
+        Some(Vertex { position: over.crest, n_geometric: Vec3::ZERO, overhang, ..*self })
     }
 
     /// The other side's density of the vertex before, for a path that comes from `wi`.
@@ -322,7 +338,11 @@ impl Vertex {
             (f64::from(pdf_w), self.density_before(wi))
         };
         let link = self.chain.onward(h, self.delta, before);
-        Edge { origin: Origin::Surface(self.n_geometric), from: self.position, dir: wi, pdf_w, link }
+        let (n, from) = match self.overhang {
+            Some(over) if over.carries(wi) => (Vec3::ZERO, over.crest),
+            _ => (self.n_geometric, self.position),
+        };
+        Edge { origin: Origin::Surface(n), from, dir: wi, pdf_w, link }
     }
 
     /// Samples where the path goes on.

@@ -96,6 +96,7 @@ fn vertex(
         back,
         bsdf: at.bsdf,
         connectible: at.dirac.is_none(),
+        overhang: None,
         emitter: NONE,
         uv: Vec2::ZERO,
         emitted: Vec3::ZERO,
