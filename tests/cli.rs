@@ -3,6 +3,8 @@
 
 mod common;
 
+#[path = "cli/compare.rs"]
+mod compare;
 #[path = "cli/errors.rs"]
 mod errors;
 #[path = "cli/nights.rs"]

@@ -6,3 +6,5 @@
 mod golden;
 #[path = "metrics/laws.rs"]
 mod laws;
+#[path = "metrics/oracle.rs"]
+mod oracle;

@@ -48,5 +48,7 @@ mod lights_truth;
 mod oracle;
 #[path = "render/references.rs"]
 mod references;
+#[path = "render/sampling.rs"]
+mod sampling;
 #[path = "render/surface.rs"]
 mod surface;

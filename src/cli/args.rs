@@ -1,6 +1,6 @@
 //! What can be typed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
@@ -42,11 +42,14 @@ Exit codes:
 
 Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
 
+/// Where results live if nobody says otherwise.
+const DEFAULT_OUT: &str = "out";
+
 /// Options that every verb understands.
 #[derive(Args, Clone, Debug)]
 pub struct Global {
     /// Where results live
-    #[arg(long, global = true, value_name = "DIR", default_value = "out")]
+    #[arg(long, global = true, value_name = "DIR", default_value = DEFAULT_OUT)]
     pub out: PathBuf,
     /// Render on this backend, whatever the script says (`lumbre doctor` lists them)
     #[arg(long, global = true, value_name = "NAME")]
@@ -113,6 +116,12 @@ pub enum Verb {
     /// squared error over the mean of the picture. The last three are a dash where an integrator found light too rarely
     /// for its variance to be known.
     Bench(BenchArgs),
+    /// Measure a picture against a reference: EXR, HDR, PNG, JPEG or BMP files from anywhere
+    ///
+    /// Files with 8 or 16 bits are decoded with the sRGB curve; metrics see linear light unless `on` names a tone map.
+    Metric(MetricArgs),
+    /// Show where two pictures differ, and draw the error of every pixel
+    Diff(DiffArgs),
     /// Print completions for a shell
     ///
     /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
@@ -241,6 +250,56 @@ pub struct BenchArgs {
     pub json: bool,
 }
 
+/// `lumbre metric`.
+#[derive(Args, Debug)]
+pub struct MetricArgs {
+    /// The picture
+    pub image: PathBuf,
+    /// What it is measured against
+    pub reference: PathBuf,
+    /// A metric, with options after a colon: `ssim:window=gauss,on=srgb`; give it again for more. All of them without it
+    #[arg(long, value_name = "NAME[:KEY=VALUE,..]")]
+    pub metric: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre diff`.
+#[derive(Args, Debug)]
+pub struct DiffArgs {
+    /// The picture
+    pub a: PathBuf,
+    /// What it is compared with
+    pub b: PathBuf,
+    /// The metric whose error is shown, with options as for `lumbre metric`
+    #[arg(long, value_name = "NAME[:KEY=VALUE,..]", default_value = "flip")]
+    pub metric: String,
+    /// Write the map: .png in colours, .exr as values
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// The error at the upper end of the colours, instead of the metric's largest or the 99th percentile
+    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    pub max: Option<f32>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl DiffArgs {
+    /// The file of the map, if one is wanted. The global option of the same name hands its default down, which is no
+    /// name that a map could have.
+    pub fn map_file(&self) -> Option<&Path> {
+        self.out.as_deref().filter(|out| *out != Path::new(DEFAULT_OUT))
+    }
+}
+
+/// Reads a positive number.
+fn positive(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
+    number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
+}
+
 /// Reads `axis=value,value`.
 fn axis_values(text: &str) -> Result<(String, Vec<Value>), String> {
     let (axis, values) =
@@ -254,7 +313,7 @@ fn axis_values(text: &str) -> Result<(String, Vec<Value>), String> {
 }
 
 /// Cuts at commas that stand in no bracket, brace or quotes.
-fn split(text: &str) -> Vec<&str> {
+pub fn split(text: &str) -> Vec<&str> {
     let (mut depth, mut quoted, mut start) = (0, false, 0);
     let mut parts = Vec::new();
     for (at, c) in text.char_indices() {
@@ -274,7 +333,7 @@ fn split(text: &str) -> Vec<&str> {
 }
 
 /// A value as typed: numbers, `true`, `false`, JSON in brackets, braces or quotes; anything else is text.
-fn value(text: &str) -> Result<Value, String> {
+pub fn value(text: &str) -> Result<Value, String> {
     let text = text.trim();
     if text.is_empty() {
         return Err("a value is missing".to_owned());
@@ -332,6 +391,12 @@ mod tests {
             assert_eq!(cli.global.out, PathBuf::from("x"));
             assert!(cli.global.quiet);
         }
+        let map = |args: &[&str]| match Cli::try_parse_from(args).unwrap().verb {
+            Verb::Diff(diff) => diff.map_file().map(Path::to_owned),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(map(&["lumbre", "diff", "a", "b"]), None);
+        assert_eq!(map(&["lumbre", "diff", "a", "b", "--out", "m.png"]), Some(PathBuf::from("m.png")));
         assert!(Cli::try_parse_from(["lumbre", "schema"]).is_err());
         assert!(Cli::try_parse_from(["lumbre", "schema", "--lua", "--json"]).is_err());
     }

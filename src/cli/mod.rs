@@ -7,6 +7,7 @@ mod args;
 mod bench;
 mod builtin;
 mod check;
+mod compare;
 mod docs;
 mod doctor;
 mod exit;
@@ -60,6 +61,8 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Doctor(args) => doctor::main(args, global),
         Verb::Verify(args) => verify::main(args, global),
         Verb::Bench(args) => measure(args, global),
+        Verb::Metric(args) => compare::metric(args, global),
+        Verb::Diff(args) => compare::diff(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
     }

@@ -160,6 +160,8 @@ pub struct CellConfig {
     pub filter: FilterSpec,
     /// Layers that are kept beside the picture, in the order of [`LAYERS`](crate::film::layer::LAYERS), each once.
     pub films: Vec<Layer>,
+    /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
+    pub sampler: String,
     /// Changes to the scene by path, `camera` ones included.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.

@@ -88,6 +88,9 @@ impl Film {
     }
 
     /// The estimated variance of each pixel's mean: sample variance over `samples`. Zero with fewer than two samples.
+    ///
+    /// That is for independent samples. Those of the sampler `sobol` keep out of each other's way: their mean mostly varies
+    /// less than is said here (and up to about twice as much where light hangs on a product of two decisions).
     pub fn variance_of_mean(&self) -> Image {
         let n = self.samples as f64;
         let pixel = |(s, q): (&[f64; 3], &[f64; 3])| {

@@ -146,9 +146,10 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::scene::desc::CameraDesc;
+    use crate::scene::desc::{CameraDesc, Optics};
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
+    use crate::transport::sampler::INDEPENDENT;
 
     fn scene() -> Arc<CompiledScene> {
         Arc::new(CompiledScene {
@@ -170,6 +171,7 @@ mod tests {
                 fov_deg: 40.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],
@@ -186,6 +188,7 @@ mod tests {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             layers: Vec::new(),
+            sampler: INDEPENDENT,
             seed,
             threads: 1,
         }

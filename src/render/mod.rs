@@ -14,6 +14,7 @@ use crate::film::layer::{Layer, LayerFilm};
 use crate::scene::CompiledScene;
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
 /// Everything besides the scene that decides a picture.
@@ -33,6 +34,8 @@ pub struct Job {
     pub filter: FilterSpec,
     /// The layers to fill besides the picture; none cost nothing.
     pub layers: Vec<Layer>,
+    /// Where the numbers of samples come from.
+    pub sampler: &'static SamplerRow,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.

@@ -7,6 +7,7 @@
 
 mod lights;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -46,14 +47,32 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
     SceneParam {
         path: "camera.fov",
         ty: Ty::Num { min: 0.01, max: 179.0 },
-        doc: "Vertical field of view in degrees.",
+        doc: "Vertical field of view in degrees; sensor_height and focal_length together decide it instead.",
         set_checked: |s, v| s.camera.fov_deg = scalar(v),
     },
     SceneParam {
         path: "camera.aperture",
         ty: Ty::Num { min: 0.0, max: 1e6 },
-        doc: "Diameter of the lens in scene units; 0 is a pinhole.",
-        set_checked: |s, v| s.camera.aperture = scalar(v),
+        doc: "Diameter of the lens in scene units; 0 is a pinhole. Replaces an f_number of the scene.",
+        set_checked: |s, v| (s.camera.aperture, s.camera.optics.f_number) = (scalar(v), None),
+    },
+    SceneParam {
+        path: "camera.f_number",
+        ty: Ty::Num { min: 1e-3, max: 1e6 },
+        doc: "Focal length over the diameter of the lens, which replaces an aperture of the scene.",
+        set_checked: |s, v| s.camera.optics.f_number = Some(scalar(v)),
+    },
+    SceneParam {
+        path: "camera.focal_length",
+        ty: Ty::Num { min: 1e-9, max: 1e6 },
+        doc: "Focal length in scene units, at which the sensor stands behind the lens.",
+        set_checked: |s, v| s.camera.optics.focal_length = Some(scalar(v)),
+    },
+    SceneParam {
+        path: "camera.sensor_height",
+        ty: Ty::Num { min: 1e-9, max: 1e6 },
+        doc: "Height of the sensor in scene units.",
+        set_checked: |s, v| s.camera.optics.sensor_height = Some(scalar(v)),
     },
     SceneParam {
         path: "camera.focus_distance",
@@ -197,6 +216,37 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
         }
         _ => Err(unknown_name(path, head, "setting", heads())),
     }
+}
+
+/// Makes all changes of a sweep, in the order of their paths, and looks whether the camera that they make contradicts
+/// itself.
+///
+/// # Errors
+/// Those of [`set`]; an aperture and an f-number in the same changes; a field of view where sensor and focal length decide
+/// it; an f-number without a focal length.
+pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<(), SchemaError> {
+    changes.iter().try_for_each(|(path, value)| set(desc, path, value))?;
+    let optics = desc.camera.optics;
+    let said = |key: &str| changes.contains_key(&format!("camera.{key}"));
+    let fail = |key: &str, text: &str, help: &str| {
+        let mut e = problem(&format!("camera.{key}"), key, text.to_owned());
+        e.help = Some(help.to_owned());
+        Err(e)
+    };
+    if said("aperture") && said("f_number") {
+        return fail("f_number", "there is an `aperture` as well", "the lens has either a diameter or an f-number");
+    }
+    if said("fov") && optics.focal_length.is_some() && optics.sensor_height.is_some() {
+        return fail("fov", "`sensor_height` and `focal_length` decide it", "change one of them instead");
+    }
+    if said("f_number") && desc.camera.lacks_focal_length() {
+        return fail(
+            "f_number",
+            "it says nothing without a `focal_length`",
+            "or a `sensor_height`, from which it follows",
+        );
+    }
+    Ok(())
 }
 
 /// The first parts of all paths, each once.

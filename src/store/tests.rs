@@ -15,7 +15,7 @@ use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
 use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
+use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
@@ -37,6 +37,7 @@ fn config() -> Arc<CellConfig> {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         films: Vec::new(),
+        sampler: "independent".to_owned(),
         set: Default::default(),
         backend: "mock".into(),
     })
@@ -50,6 +51,7 @@ fn scene() -> Arc<SceneDesc> {
         fov_deg: 40.0,
         aperture: 0.0,
         focus_distance: None,
+        optics: Optics::default(),
     };
     Arc::new(SceneDesc {
         resolution: [8, 8],

@@ -35,7 +35,9 @@
 //! Inexpensive BRDF Model for Physically-based Rendering. [Heitz 2019] A Low-Distortion Map Between Triangle and Square.
 //! [Giles 2010] Approximating the erfinv Function. [Harris 1978] On the Use of Windows for Harmonic Analysis with the
 //! Discrete Fourier Transform. [Burley 2020] Practical Hash-based Owen Scrambling. [Owen 1995] Randomly Permuted
-//! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube. [Burley 2012] Physically
+//! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube. [Joe & Kuo
+//! 2008] Constructing Sobol Sequences with Better Two-Dimensional Projections. [Laine & Karras 2011] Stratified Sampling
+//! for Stochastic Transparency. [Burley 2012] Physically
 //! Based Shading at Disney. [Walter et al. 2007] Microfacet Models for Refraction through Rough Surfaces. [Heitz 2014]
 //! Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. [Heitz 2018] Sampling the GGX Distribution of
 //! Visible Normals. [Dupuy & Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] M. Vives,

@@ -12,9 +12,10 @@ use lumbre::scene::compile::{
     DirectionalLight, Emitter, Environment, MaskMode, Material, Model, NONE, PointLight, Sphere, Texture,
     TriangleAttributes, UvMap,
 };
-use lumbre::scene::desc::CameraDesc;
+use lumbre::scene::desc::{CameraDesc, Optics};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
+use lumbre::transport::sampler::INDEPENDENT;
 
 /// A white, opaque, ideal material that emits nothing.
 pub const WHITE: Material = Material {
@@ -68,7 +69,15 @@ pub struct SceneBuilder {
 impl SceneBuilder {
     /// An empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
-        let camera = CameraDesc { position, target, up: Vec3::Y, fov_deg, aperture: 0.0, focus_distance: None };
+        let camera = CameraDesc {
+            position,
+            target,
+            up: Vec3::Y,
+            fov_deg,
+            aperture: 0.0,
+            focus_distance: None,
+            optics: Optics::default(),
+        };
         SceneBuilder {
             scene: CompiledScene {
                 content_hash: [0; 32],
@@ -196,6 +205,7 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        sampler: INDEPENDENT,
         seed,
         threads: 0,
     }

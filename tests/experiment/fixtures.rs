@@ -18,7 +18,7 @@ use lumbre::film::{Film, Image};
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::render::mock::MockRenderer;
-use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc, Transform};
+use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform};
 use lumbre::scene::{Note, SceneDesc, SceneError};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::value::Value;
@@ -152,6 +152,7 @@ pub fn config() -> CellConfig {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         films: Vec::new(),
+        sampler: "independent".to_owned(),
         set: BTreeMap::new(),
         backend: "mock".into(),
     }
@@ -175,6 +176,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             fov_deg: 40.0,
             aperture: 0.0,
             focus_distance: None,
+            optics: Optics::default(),
         },
         materials: vec![egg],
         entities: vec![EntityDesc {

@@ -93,6 +93,7 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("roulette at once", |p| p.config.rr_start = Some(0)),
         ("filter", |p| p.config.filter.kind = FilterKind::Gauss),
         ("filter radius", |p| p.config.filter.radius = 0.75),
+        ("sampler", |p| p.config.sampler = "sobol".into()),
         ("backend", |p| p.config.backend = "cpu".into()),
         ("layers", |p| {
             // The mock has none.
@@ -125,6 +126,7 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("snapshots", |p| p.lab.spec.measure.snapshots = Snapshots::Pow2),
         ("reference's depth", |p| p.reference_config.max_depth = Some(9)),
         ("reference's filter", |p| p.reference_config.filter.radius = 0.75),
+        ("reference's sampler", |p| p.reference_config.sampler = "sobol".into()),
         ("reference's stop", |p| p.reference_stop = StopRule::Samples(8192)),
     ];
     let ids: Vec<(&str, String)> = changes.iter().map(|(name, change)| (*name, ids(*change).0)).collect();

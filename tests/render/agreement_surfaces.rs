@@ -110,6 +110,24 @@ fn overhangs_of_a_coarse_ball() {
     }
 }
 
+#[test]
+fn a_ball_lit_from_behind_which_is_nearly_all_overhang() {
+    let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 20.0).quad(
+        Vec3::new(-3.0, -3.0, -2.6),
+        Vec3::X * 6.0,
+        Vec3::Y * 6.0,
+        grey(0.8),
+    );
+    builder = builder.quad(Vec3::new(-1.6, -2.0, -2.5), Vec3::Y * 4.0, Vec3::Z * 2.3, light(3.0)).quad(
+        Vec3::new(1.6, -2.0, -2.5),
+        Vec3::Z * 2.3,
+        Vec3::Y * 4.0,
+        light(3.0),
+    );
+    let material = Material { shadow_terminator: true, ..grey(0.8) };
+    agree_with_bpt(&coarse_ball(6, builder, Vec3::ZERO, 0.6, material), 4, None, 2000);
+}
+
 /// What a coarse ball of albedo 0.8 reflects of parallel light from the left, with and without overhangs: mean over the
 /// pixels in whose middle the shading normal faces the light, beside what a surface with that normal would reflect.
 fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {

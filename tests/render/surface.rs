@@ -7,8 +7,8 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 use lumbre::film::Film;
 use lumbre::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform,
-    mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot,
+    Transform, mesh_hash, texture_hash,
 };
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::transport::integrator::integrator;
@@ -50,6 +50,7 @@ fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDe
         fov_deg: 40.0,
         aperture: 0.0,
         focus_distance: None,
+        optics: Optics::default(),
     };
     let entity = EntityDesc {
         name: "e".to_owned(),

@@ -6,12 +6,14 @@ use lumbre::scene::{CompiledScene, SceneDesc, compile};
 
 use super::builtin_path;
 
-const SCENES: [&str; 5] = [
+const SCENES: [&str; 7] = [
     "cornell/cornell.scn",
     "cornell_spheres/cornell_spheres.scn",
     "veach_lamps/veach_lamps.scn",
     "material_ball/material_ball.scn",
     "masked_leaves/masked_leaves.scn",
+    "lamp_row/lamp_row.scn",
+    "edges/edges.scn",
 ];
 
 fn builtin(name: &str) -> (SceneDesc, CompiledScene) {

@@ -27,6 +27,28 @@ fn keys_ignore_case_and_a_byte_order_mark_is_no_error() {
 }
 
 #[test]
+fn cameras_may_have_lenses() {
+    let camera = |text: &str| scn(&format!("{{ \"camera\": {{ {text} }} }}")).map(|(desc, _)| desc.camera);
+    let c = camera(r#""aperture": 0.2, "focus_distance": 3"#).unwrap();
+    assert_eq!((c.lens_diameter(), c.focus_distance), (0.2, Some(3.0)));
+    let c = camera(r#""f_number": 2.8, "focal_length": 0.05, "sensor_height": 0.024"#).unwrap();
+    assert!((c.lens_diameter() - 0.05 / 2.8).abs() < 1e-8 && (c.view_deg() - 26.99).abs() < 0.01);
+    assert_eq!(c.focus_distance, None);
+    for (text, problem) in [
+        (r#""aperture": 0, "f_number": 2, "focal_length": 0.05"#, "camera.aperture: the lens has either"),
+        (r#""FOV": 30, "focal_length": 0.05, "sensor_height": 0.024"#, "`sensor_height` and `focal_length` decide it"),
+        (r#""f_number": 2"#, "camera.f_number: it says nothing without"),
+        (r#""focus_distance": 0"#, "camera.focus_distance: expected a positive number"),
+        (r#""sensor_height": -1"#, "camera.sensor_height: expected a positive number"),
+        (r#""aperture": -1"#, "camera.aperture: expected a diameter of 0 or more"),
+        (r#""focal_length": "long""#, "camera.focal_length: expected a number"),
+    ] {
+        let e = camera(text).unwrap_err().to_string();
+        assert!(e.contains(problem), "{text}: {e}");
+    }
+}
+
+#[test]
 fn radiance_is_emission_times_colour_and_emitters_do_not_reflect() {
     let text = r#"{ "materials": [
         { "name": "a", "emission": [2, 4, 8], "color": [0.5, 0.25, 1] },

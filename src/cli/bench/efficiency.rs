@@ -19,6 +19,7 @@ use crate::render::{Job, backend};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::sampler::INDEPENDENT;
 
 /// The relative error to which times are given.
 pub const RELATIVE_RMSE: f64 = 0.05;
@@ -64,6 +65,7 @@ pub fn measure(
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        sampler: INDEPENDENT,
         seed: 1,
         threads,
     };

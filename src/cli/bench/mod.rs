@@ -1,6 +1,7 @@
 //! `lumbre bench`: the program measuring itself. Figures, never pass or fail: machines are shared and noisy.
 
 mod efficiency;
+mod metrics;
 mod night;
 mod rates;
 
@@ -67,6 +68,10 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         text += &format!("\nstart-up (--version)                 {:>9.1} ms\n", start_up_s * 1e3);
         text += &format!("plan of 10,000 cells                 {plan_s:>9.3} s\n");
         text += &format!("time outside `advance`, 4 s cell     {:>9.2} %\n", outside * 100.0);
+        say("measuring the metrics");
+        let times = metrics::measure(repeats);
+        text += &format!("\n{}", metrics::table(&times));
+        json["metrics"] = metrics::to_json(&times);
         json["start_up_s"] = start_up_s.into();
         json["plan_10000_cells_s"] = plan_s.into();
         json["share_outside_advance"] = outside.into();

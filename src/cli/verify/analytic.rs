@@ -11,8 +11,8 @@ use super::technique::{self, Technique};
 use super::{Check, Request};
 use crate::scene::compile;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model, SceneDesc, ShapeDesc,
-    Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model, Optics, SceneDesc,
+    ShapeDesc, Transform, mesh_hash,
 };
 
 /// Marks the seeds of these checks.
@@ -157,7 +157,15 @@ fn scene(
     SceneDesc {
         resolution: [1, 1],
         max_depth: 1,
-        camera: CameraDesc { position, target, up: Vec3::Y, fov_deg, aperture: 0.0, focus_distance: None },
+        camera: CameraDesc {
+            position,
+            target,
+            up: Vec3::Y,
+            fov_deg,
+            aperture: 0.0,
+            focus_distance: None,
+            optics: Optics::default(),
+        },
         materials,
         entities,
         lights: Vec::new(),

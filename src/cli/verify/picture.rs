@@ -12,6 +12,7 @@ use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::sampler::INDEPENDENT;
 
 /// A sum over pixels is called normal if so many samples are expected to have found the light in it.
 const ENOUGH_FINDS: f64 = 50.0;
@@ -96,6 +97,8 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         max_depth: setting.max_depth,
         rr_start: setting.rr_start,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        layers: Vec::new(),
+        sampler: INDEPENDENT,
         seed: setting.seed,
         threads: setting.threads,
     };

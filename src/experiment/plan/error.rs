@@ -103,6 +103,16 @@ pub enum PlanError {
         /// The nearest name, or all of them.
         help: String,
     },
+    /// No such sampler.
+    #[error("at {point}: unknown sampler `{name}` ({help})")]
+    UnknownSampler {
+        /// Where in the sweep.
+        point: String,
+        /// The name as written.
+        name: String,
+        /// The nearest name, or all of them.
+        help: String,
+    },
     /// No such backend.
     #[error("at {point}: unknown backend `{name}` ({help})")]
     UnknownBackend {

@@ -16,6 +16,7 @@ use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, S
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
 /// Raised whenever the meaning of an identity changes; earlier runs are then no longer found.
@@ -48,7 +49,12 @@ pub fn run_id(identity: &Value) -> RunId {
 }
 
 /// What decides a picture, but for its seed and its end. The configuration has nothing left open.
-pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8; 32]) -> BTreeMap<String, Value> {
+pub(super) fn picture(
+    config: &CellConfig,
+    row: &IntegratorRow,
+    sampler: &SamplerRow,
+    scene_hash: &[u8; 32],
+) -> BTreeMap<String, Value> {
     let kind = config.filter.kind.name();
     let integrator = map([
         ("name", row.name.into()),
@@ -56,6 +62,7 @@ pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8
         ("params", Value::Map(config.params.clone())),
     ]);
     let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
+    let sampler = map([("name", sampler.name.into()), ("revision", Value::Int(i64::from(sampler.revision)))]);
     let whole = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
     let resolution = config.resolution.map_or(Value::Nil, |r| Value::List(r.map(|n| Value::Int(i64::from(n))).into()));
     let fields = [
@@ -66,6 +73,7 @@ pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8
         ("max_depth", whole(config.max_depth)),
         ("rr_start", whole(config.rr_start)),
         ("filter", filter),
+        ("sampler", sampler),
         ("backend", config.backend.as_str().into()),
     ];
     // Left out where there are none, so that runs without layers keep the ids they had before layers existed.

@@ -16,6 +16,7 @@ use crate::film::{Film, Image, SharedImage};
 use crate::render::{Job, Renderer, WaveStats};
 use crate::scene::{CompiledScene, SceneDesc, compile};
 use crate::transport::integrator::integrator;
+use crate::transport::sampler::sampler;
 
 /// What a run is to render.
 pub(super) struct Work<'a> {
@@ -138,6 +139,7 @@ impl Night<'_, '_> {
             rr_start: config.rr_start,
             filter: config.filter,
             layers: config.films.clone(),
+            sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             seed: work.seed,
             threads: self.threads,
         };

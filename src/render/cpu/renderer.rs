@@ -18,7 +18,6 @@ use crate::transport::camera::Camera;
 use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray, Trace};
-use crate::transport::sampler::Sampler;
 
 /// A run on the CPU.
 ///
@@ -154,8 +153,8 @@ impl Renderer for CpuRenderer {
                 for sample in first..first + samples {
                     let mut value = Vec3::ZERO;
                     let mut invalid = 0;
-                    let mut sampler = Sampler::new(job.seed, pixel, sample);
                     let rays = trace.rays.get();
+                    let mut sampler = (job.sampler.start)(job.seed, pixel, sample);
                     (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
                         if c.t != 1 && c.pixel == pixel {
                             value += c.value;
@@ -183,7 +182,7 @@ impl Renderer for CpuRenderer {
                     }
                     if let Some(tally) = &mut tally {
                         let rays = trace.rays.get() - rays;
-                        let again = || Sampler::new(job.seed, pixel, sample);
+                        let again = || (job.sampler.start)(job.seed, pixel, sample);
                         invalid += tally.close(&context, pixel, finite, rays, again);
                     }
                     if invalid > 0 {

@@ -327,7 +327,7 @@ fn bounds(scene: &CompiledScene) -> [Vec3; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{MaterialDesc, Transform, mesh_hash};
+    use crate::scene::desc::{MaterialDesc, Optics, Transform, mesh_hash};
     use std::sync::Arc;
 
     fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<MeshDesc> {
@@ -356,6 +356,7 @@ mod tests {
                 fov_deg: 45.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             materials: vec![material],
             entities: shapes

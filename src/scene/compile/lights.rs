@@ -158,7 +158,7 @@ fn repair(map: &mut Texture) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, LightDesc, Texels, TextureDesc, texture_hash};
+    use crate::scene::desc::{CameraDesc, LightDesc, Optics, Texels, TextureDesc, texture_hash};
 
     fn scene(lights: Vec<LightKind>, environment: Option<EnvironmentDesc>) -> SceneDesc {
         let named = |(i, kind)| LightDesc { name: format!("l{i}"), kind };
@@ -172,6 +172,7 @@ mod tests {
                 fov_deg: 45.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             materials: vec![],
             entities: vec![],

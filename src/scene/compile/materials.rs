@@ -138,7 +138,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::scene::desc::{CameraDesc, texture_hash};
+    use crate::scene::desc::{CameraDesc, Optics, texture_hash};
 
     fn texture(texels: Texels) -> Arc<TextureDesc> {
         let content_hash = texture_hash(1, 1, &texels);
@@ -153,6 +153,7 @@ mod tests {
             fov_deg: 45.0,
             aperture: 0.0,
             focus_distance: None,
+            optics: Optics::default(),
         };
         SceneDesc {
             resolution: [1, 1],

@@ -62,7 +62,7 @@ mod tests {
 
     use crate::scene::compile;
     use crate::scene::desc::{
-        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform, mesh_hash,
+        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
     };
 
     fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
@@ -87,6 +87,7 @@ mod tests {
                 fov_deg: 40.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             materials: vec![MaterialDesc { anisotropic, ..MaterialDesc::new("m") }],
             entities: vec![EntityDesc {

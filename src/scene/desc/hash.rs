@@ -29,8 +29,8 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
     for v in [camera.position, camera.target, camera.up] {
         vec3(&mut h, v);
     }
-    float(&mut h, camera.fov_deg);
-    float(&mut h, camera.aperture);
+    float(&mut h, camera.view_deg());
+    float(&mut h, camera.lens_diameter());
     int(&mut h, u64::from(camera.focus_distance.is_some()));
     float(&mut h, camera.focus_distance.unwrap_or(0.0));
     int(&mut h, desc.materials.len() as u64);
@@ -167,7 +167,7 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Transform};
+    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Optics, Transform};
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -204,6 +204,7 @@ mod tests {
                 fov_deg: 45.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             materials: vec![MaterialDesc::new("m"), MaterialDesc::new("n")],
             entities: vec![

@@ -1,5 +1,6 @@
 //! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
 
+mod camera;
 mod hash;
 pub mod light;
 pub mod material;
@@ -9,6 +10,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+pub use camera::{CameraDesc, Optics};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
 pub use material::{MATERIAL_PARAMS, MaskMode, MaterialDesc, Model, TextureSlot};
@@ -64,23 +66,6 @@ impl SceneDesc {
         }
         self
     }
-}
-
-/// A pinhole or thin-lens camera.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraDesc {
-    /// The centre of projection or of the lens.
-    pub position: Vec3,
-    /// A point on the optical axis.
-    pub target: Vec3,
-    /// The direction that is up in the picture.
-    pub up: Vec3,
-    /// Vertical field of view in degrees, between 0 and 180 exclusive.
-    pub fov_deg: f32,
-    /// Diameter of the lens in scene units; 0 is a pinhole.
-    pub aperture: f32,
-    /// Distance from the lens to the plane in focus along the axis; `None` is the distance to `target`.
-    pub focus_distance: Option<f32>,
 }
 
 /// One object: a shape with a place and a material.

@@ -9,6 +9,7 @@ use crate::render::BACKENDS;
 use crate::scene::desc::TextureSlot;
 use crate::transport::camera::{FILTER_NAMES, FilterKind, FilterSpec};
 use crate::transport::integrator::{INTEGRATORS, integrator};
+use crate::transport::sampler::SAMPLER_NAMES;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_key, unknown_name};
 
@@ -73,11 +74,32 @@ pub const CAMERA: Table = Table {
             doc: "diameter of the lens in scene units; 0 is a pinhole",
         },
         Field {
+            key: "f_number",
+            ty: Ty::Num { min: 1e-3, max: 1e6 },
+            required: false,
+            default: "",
+            doc: "focal length over the diameter of the lens, instead of aperture",
+        },
+        Field {
+            key: "focal_length",
+            ty: Ty::Num { min: 1e-9, max: 1e6 },
+            required: false,
+            default: "",
+            doc: "focal length in scene units; together with sensor_height it decides fov",
+        },
+        Field {
+            key: "sensor_height",
+            ty: Ty::Num { min: 1e-9, max: 1e6 },
+            required: false,
+            default: "",
+            doc: "height of the sensor in scene units; with fov alone, focal_length follows",
+        },
+        Field {
             key: "focus_distance",
             ty: Ty::Num { min: 1e-9, max: FAR },
             required: false,
             default: "",
-            doc: "distance from the lens to the plane in focus, in scene units",
+            doc: "distance from the lens to the plane in focus, in scene units; the scene's, or that of target",
         },
         Field {
             key: "fov",
@@ -151,6 +173,14 @@ pub const RENDER: Table = Table {
             doc: "width and height in pixels",
         },
         Field { key: "aa", ty: Ty::Table(&AA), required: false, default: "the pixel", doc: "the pixel filter" },
+        Field {
+            key: "sampler",
+            ty: Ty::Word(&SAMPLER_NAMES),
+            required: false,
+            default: "independent",
+            doc: "where the numbers of samples come from; sobol spreads them evenly, which mostly makes less noise than \
+                  standard errors say",
+        },
         Field {
             key: "camera",
             ty: Ty::Table(&CAMERA),
@@ -250,6 +280,7 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
         filter: filter(&common),
         set: changes(&common, folder, path)?,
         films: films(common.get("films")),
+        sampler: text(&common, "sampler").unwrap_or_else(|| SAMPLER_NAMES[0].to_owned()),
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
     })
 }

@@ -58,7 +58,7 @@ impl Camera {
         let right = forward.cross(desc.up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
         let up = right.cross(forward);
         let resolution = resolution.map(|n| n as f32);
-        let half_y = (0.5 * desc.fov_deg.to_radians()).tan();
+        let half_y = (0.5 * desc.view_deg().to_radians()).tan();
         Camera {
             position: desc.position,
             right,
@@ -66,13 +66,19 @@ impl Camera {
             forward,
             half: [half_y * resolution[0] / resolution[1], half_y],
             resolution,
-            lens_radius: 0.5 * desc.aperture,
+            lens_radius: 0.5 * desc.lens_diameter(),
             focus_distance: desc.focus_distance.unwrap_or_else(|| axis.length()),
             filter,
         }
     }
 
     /// A ray through a pixel; its weight is one. Uses two dimensions for the filter and, with a lens, two more.
+    ///
+    /// The lens is a disk of uniform density, and what is in focus a plane across the axis. The first source draws the
+    /// radius itself uniformly (4.8), which crowds rays in the middle of the lens and makes blurred lamps bright in the
+    /// middle; both sources focus on a sphere about the camera (4.6, listing 3.1), and the second one measures the focus
+    /// from its sensor. A point at depth `z` is a disk of diameter `A |z - d| / z` in the plane of focus at depth `d`,
+    /// for a lens of diameter `A`.
     #[inline]
     pub fn sample_ray(&self, pixel: [u32; 2], sampler: &mut Sampler) -> Ray {
         let offset = self.filter.sample(sampler.next_2d());
@@ -171,6 +177,7 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::desc::Optics;
     use crate::transport::camera::FilterKind;
 
     fn desc(aperture: f32) -> CameraDesc {
@@ -181,6 +188,7 @@ mod tests {
             fov_deg: 90.0,
             aperture,
             focus_distance: None,
+            optics: Optics::default(),
         }
     }
 

@@ -16,7 +16,7 @@ use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::render::OpenStats;
 use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
+use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::tui::model::Model;
 use crate::value::Value;
@@ -32,6 +32,7 @@ fn scene() -> SceneDesc {
             fov_deg: 40.0,
             aperture: 0.0,
             focus_distance: None,
+            optics: Optics::default(),
         },
         materials: Vec::new(),
         entities: Vec::new(),
@@ -51,6 +52,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         rr_start: Some(3),
         filter: FilterSpec { kind: FilterKind::Gauss, radius },
         films: Vec::new(),
+        sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
     }

@@ -18,7 +18,8 @@ use glam::{Vec2, Vec3};
 
 use super::{Missing, read};
 use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
+    mesh_hash,
 };
 use crate::scene::{Note, SceneError};
 
@@ -109,6 +110,7 @@ fn framing_camera(points: &[Vec3]) -> CameraDesc {
         fov_deg,
         aperture: 0.0,
         focus_distance: None,
+        optics: Optics::default(),
     }
 }
 

@@ -17,7 +17,8 @@
 //! `antialiasing_radius` belongs to the camera there; here the script's `aa` decides, so it becomes a [`Note`], as
 //! does everything else that cannot be honoured. An entity may have a `name`, which is an addition of Lumbre; entities
 //! without one are called after the stem of their mesh's file, or `sphere`, with `_2`, `_3` and so on where a name is
-//! taken. `lights` and `environment` are additions too: `scenes/README.md` describes them.
+//! taken. The camera's `aperture`, `focus_distance`, `f_number`, `focal_length` and
+//! `sensor_height`, `lights` and `environment` are additions too: `scenes/README.md` describes them.
 
 mod light;
 mod material;
@@ -35,8 +36,8 @@ use self::reader::{Object, Report, kind, numbers, shorten};
 use super::obj::{Front, load_mesh};
 use super::{Missing, read};
 use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
-    Transform,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, Optics, SceneDesc,
+    ShapeDesc, Transform,
 };
 use crate::scene::{Note, SceneError};
 use crate::value::suggest;
@@ -52,6 +53,20 @@ pub(super) const DEFAULT_MAX_DEPTH: u32 = 5;
 const DEFAULT_FOV_DEG: f64 = 45.0;
 /// The range of fields of view in degrees.
 const FOV_RANGE: [f64; 2] = [0.01, 179.0];
+
+/// The greatest length and f-number of a lens.
+const LENGTH_LIMIT: f64 = 1e6;
+const CAMERA_KEYS: [&str; 9] = [
+    "position",
+    "lookat",
+    "fov",
+    "antialiasing_radius",
+    "aperture",
+    "focus_distance",
+    "f_number",
+    "focal_length",
+    "sensor_height",
+];
 
 /// Whether the first bytes of a file look like a `.scn`.
 pub(super) fn sniff(head: &[u8]) -> bool {
@@ -139,8 +154,9 @@ fn camera(place: &str, json: &Json, report: &mut Report) -> Result<CameraDesc, S
     let mut object = Object::new(place, json, report)?;
     let position = object.vec3("position", report)?.unwrap_or(Vec3::ZERO);
     let target = object.vec3("lookat", report)?.unwrap_or(Vec3::new(0.0, 0.0, 2.0));
-    let mut fov = DEFAULT_FOV_DEG;
+    let (mut fov, mut said_fov) = (DEFAULT_FOV_DEG, false);
     if let Some((at, degrees)) = object.number("fov", report)? {
+        said_fov = true;
         fov = degrees.clamp(FOV_RANGE[0], FOV_RANGE[1]);
         if fov != degrees {
             report.note(at, format!("{degrees} is no field of view in degrees: {fov} is used"));
@@ -149,11 +165,40 @@ fn camera(place: &str, json: &Json, report: &mut Report) -> Result<CameraDesc, S
     if let Some((at, _)) = object.take("antialiasing_radius") {
         report.note(at, "the script's `aa` decides the pixel filter: ignored");
     }
-    object.note_unknown(["position", "lookat", "fov", "antialiasing_radius"], report);
+    let mut length = |key: &str| match object.number(key, report)? {
+        None => Ok(None),
+        Some((_, x)) if x > 0.0 && x <= LENGTH_LIMIT => Ok(Some(x as f32)),
+        Some((at, x)) => Err(report.error(at, format!("expected a positive number up to {LENGTH_LIMIT:e}, found {x}"))),
+    };
+    let focus_distance = length("focus_distance")?;
+    let optics = Optics {
+        f_number: length("f_number")?,
+        focal_length: length("focal_length")?,
+        sensor_height: length("sensor_height")?,
+    };
+    let aperture = match object.number("aperture", report)? {
+        None => 0.0,
+        Some((at, _)) if optics.f_number.is_some() => {
+            return Err(report.error(at, "the lens has either a diameter or an `f_number`, not both"));
+        }
+        Some((_, x)) if (0.0..=LENGTH_LIMIT).contains(&x) => x as f32,
+        Some((at, x)) => return Err(report.error(at, format!("expected a diameter of 0 or more, found {x}"))),
+    };
+    if said_fov && optics.focal_length.is_some() && optics.sensor_height.is_some() {
+        return Err(
+            report.error(object.at("fov"), "`sensor_height` and `focal_length` decide it: leave one of the three out")
+        );
+    }
+    object.note_unknown(CAMERA_KEYS.iter().copied(), report);
     if position == target {
         return Err(report.error(place, "`position` and `lookat` are the same point: the camera looks nowhere"));
     }
-    Ok(CameraDesc { position, target, up: Vec3::Y, fov_deg: fov as f32, aperture: 0.0, focus_distance: None })
+    let camera = CameraDesc { position, target, up: Vec3::Y, fov_deg: fov as f32, aperture, focus_distance, optics };
+    if camera.lacks_focal_length() {
+        let help = "it says nothing without a `focal_length`, or a `sensor_height`, from which it follows";
+        return Err(report.error(object.at("f_number"), help));
+    }
+    Ok(camera)
 }
 
 /// Names that are taken.
