@@ -223,6 +223,9 @@ pub struct VerifyArgs {
     /// The folder of references: EXR, EXR of standard errors, JSON of settings [default: `references` beside the scenes]
     #[arg(long, value_name = "DIR")]
     pub references: Option<PathBuf>,
+    /// Run only the checks whose kind, name or techniques contain this text; give it again to narrow further
+    #[arg(long, value_name = "TEXT")]
+    pub only: Vec<String>,
     /// Few samples and small pictures: seconds, and only large mistakes are found
     #[arg(long)]
     pub quick: bool,

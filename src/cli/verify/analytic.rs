@@ -1,7 +1,8 @@
-//! Scenes whose radiance is known in closed form, by every integrator and every variant. They show the same everywhere,
-//! so pictures are compared as a whole. In blocks, a few rare splats beside much that has no noise would look normal.
+//! Scenes whose radiance is known in closed form, by every integrator and every variant. Pictures are compared as a
+//! whole: in blocks, a few rare splats beside much that has no noise would look normal.
 
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -9,6 +10,7 @@ use glam::Vec3;
 use super::picture::{Picture, Setting, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, Request};
+use crate::film::Image;
 use crate::scene::compile;
 use crate::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model, Optics, SceneDesc,
@@ -18,13 +20,14 @@ use crate::scene::desc::{
 /// Marks the seeds of these checks.
 const KIND: u64 = 1;
 
-/// A scene and what it shows everywhere.
+/// A scene and what it shows.
 struct Known {
     name: &'static str,
     formula: &'static str,
     scene: SceneDesc,
     max_depth: u32,
-    radiance: [f64; 3],
+    /// Radiance at a place of the picture: each coordinate from -1 to 1, up and to the right.
+    radiance: Box<dyn Fn(f64, f64) -> [f64; 3]>,
     /// Samples per pixel; many where only chance finds the light.
     samples: u64,
 }
@@ -45,6 +48,7 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
         let side = if request.quick { 8 } else { 32 };
         let (scene, _) = compile(&case.scene).map_err(|e| format!("{}: {e}", case.name))?;
         let scene = Arc::new(scene);
+        let truth = Rc::new(truth(&case, side));
         for technique in technique::plain().into_iter().flat_map(|t: Technique| {
             let variants = t.variants();
             std::iter::once(t).chain(variants)
@@ -58,7 +62,7 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
                 seed: request.seed(KIND, seeds),
                 threads: request.threads,
             };
-            let truth = Picture::flat(setting.resolution, case.radiance.map(|c| c as f32));
+            let truth = Rc::clone(&truth);
             let scene = Arc::clone(&scene);
             let compared = format!("{technique} with {}", case.formula);
             checks.push(Check::new(case.name, compared, move |tests| {
@@ -67,6 +71,27 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
         }
     }
     Ok(checks)
+}
+
+/// The picture of `side` pixels a side, each the mean over a grid of places.
+fn truth(case: &Known, side: u32) -> Picture {
+    const GRID: u32 = 8;
+    let place =
+        |pixel: u32, i: u32| (f64::from(pixel) + (f64::from(i) + 0.5) / f64::from(GRID)) / f64::from(side) * 2.0 - 1.0;
+    let mean = Image::from_fn(side, side, |x, y| {
+        let mut sum = [0.0; 3];
+        for (i, j) in (0..GRID * GRID).map(|n| (n % GRID, n / GRID)) {
+            let at = (case.radiance)(place(x, i), -place(y, j));
+            sum = [0, 1, 2].map(|c| sum[c] + at[c]);
+        }
+        sum.map(|s| (s / f64::from(GRID * GRID)) as f32)
+    });
+    Picture::known(mean, Image::new(side, side))
+}
+
+/// The same everywhere.
+fn flat(radiance: [f64; 3]) -> Box<dyn Fn(f64, f64) -> [f64; 3]> {
+    Box::new(move |_, _| radiance)
 }
 
 /// A closed room whose walls emit e and reflect a: e (1 + a + .. + a^(k-1)) after k edges.
@@ -79,7 +104,7 @@ fn furnace() -> Known {
         formula: "e (1 - a^k) / (1 - a)",
         scene: scene(Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.7, 0.1, -0.4), 70.0, vec![walls], vec![room(1.0)]),
         max_depth: edges as u32,
-        radiance: albedo.to_array().map(series),
+        radiance: flat(albedo.to_array().map(series)),
         samples: 128,
     }
 }
@@ -97,7 +122,7 @@ fn glass() -> Known {
         formula: "1",
         scene: scene(Vec3::Z * 0.9, Vec3::ZERO, 50.0, vec![walls, glass, mirror], entities),
         max_depth: 64,
-        radiance: [1.0; 3],
+        radiance: flat([1.0; 3]),
         samples: 16,
     }
 }
@@ -114,31 +139,32 @@ fn surroundings() -> Known {
         formula: "a L",
         scene,
         max_depth: 3,
-        radiance: albedo.to_array().map(|a| 2.0 * f64::from(a)),
+        radiance: flat(albedo.to_array().map(|a| 2.0 * f64::from(a))),
         samples: 128,
     }
 }
 
-/// A floor under a sphere of radius r at height h shows a L (r / h)^2 at its foot; the picture is narrow, since a
-/// distance x from there it is less by 3 / 2 (x / h)^2.
+/// A floor under a sphere of radius r at height h, seen from below the sphere: at the distance x from its foot the floor
+/// shows a L r^2 h / (h^2 + x^2)^(3/2).
 fn lamp() -> Known {
-    let (albedo, radius, height, radiance) = (0.5, 0.5, 2.0, 3.0);
+    let (albedo, radius, height, radiance, eye) = (0.5f32, 0.5f32, 2.0f32, 3.0f32, 1.0f32);
     let lamp = MaterialDesc { emission: Vec3::splat(radiance), emitter_reflects: false, ..lambert("lamp", Vec3::ZERO) };
     let floor = quad(Vec3::new(-50.0, 0.0, 50.0), Vec3::X * 100.0, Vec3::Z * -100.0);
+    let materials = vec![lambert("floor", Vec3::splat(albedo)), lamp];
     let entities = vec![mesh("floor", &[floor]), ball("lamp", Vec3::Y * height, radius)];
-    let shown = f64::from(albedo * radiance) * f64::from(radius / height).powi(2);
+    let mut scene = scene(Vec3::Y * eye, Vec3::ZERO, 60.0, materials, entities);
+    scene.camera.up = Vec3::Z;
+    let [a, r, h, l] = [albedo, radius, height, radiance].map(f64::from);
+    let extent = f64::from(eye) * 30f64.to_radians().tan();
     Known {
         name: "lamp over floor",
-        formula: "a L (r / h)^2",
-        scene: scene(
-            Vec3::new(0.0, 1.0, 4.0),
-            Vec3::ZERO,
-            0.02,
-            vec![lambert("floor", Vec3::splat(albedo)), lamp],
-            entities,
-        ),
+        formula: "a L r^2 h / d^3",
+        scene,
         max_depth: 2,
-        radiance: [shown; 3],
+        radiance: Box::new(move |x, y| {
+            let d2 = h * h + extent * extent * (x * x + y * y);
+            [a * l * r * r * h / (d2 * d2.sqrt()); 3]
+        }),
         samples: 512,
     }
 }

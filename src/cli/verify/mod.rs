@@ -125,6 +125,14 @@ pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
         let planned = (kind.plan)(&request).map_err(Failure::usage)?;
         checks.extend(planned.into_iter().map(|check| (kind.name, check)));
     }
+    let wanted = |kind: &str, check: &Check| {
+        let row = format!("{kind} {} {}", check.name, check.compared);
+        args.only.iter().all(|text| row.contains(text.as_str()))
+    };
+    checks.retain(|(kind, check)| wanted(kind, check));
+    if checks.is_empty() {
+        return Err(Failure::usage(format!("no check contains `{}`", args.only.join("` and `"))));
+    }
     let count = checks.len();
     let mut report = Report::new(&request, checks.iter().map(|(kind, check)| (*kind, check)));
     if !args.json {

@@ -51,12 +51,6 @@ impl Picture {
         Picture { mean, variance, find: 0.0 }
     }
 
-    /// A picture that is the same everywhere and exact.
-    pub fn flat(resolution: [u32; 2], value: [f32; 3]) -> Picture {
-        let [width, height] = resolution;
-        Picture::known(Image::from_fn(width, height, |_, _| value), Image::new(width, height))
-    }
-
     fn of(film: &Film) -> Picture {
         let total = |sums: &[[f64; 3]]| sums.iter().flatten().sum::<f64>();
         let (sum, squares) = (total(&film.sum), total(&film.sum2));

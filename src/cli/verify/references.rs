@@ -32,6 +32,9 @@ use crate::transport::sampler::Sampler;
 const PATHS: u64 = 64 * 320 * 180;
 const QUICK_PATHS: u64 = 4 * 320 * 180;
 
+/// How many times as many paths a bound on the mean of few pixels needs.
+const GLASS_FACTOR: u64 = 4;
+
 /// Samples per pixel of the largest pictures.
 const LEAST_SAMPLES: u64 = 2;
 
@@ -109,6 +112,7 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
             Entry::LeftOut { name, reason } => checks.extend(skip(name, reason)),
             Entry::Usable(reference) => {
                 let reference = Arc::new(*reference);
+                let paths = if reference.surfaces == Surfaces::Principled { GLASS_FACTOR * paths } else { paths };
                 let samples = (paths / reference.picture.mean.data.len().max(1) as u64).max(LEAST_SAMPLES);
                 for technique in technique::plain() {
                     seeds += 1;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
+use crate::transport::mis;
 use crate::value::Value;
 use crate::value::schema::Ty;
 
@@ -27,6 +28,12 @@ impl Technique {
     /// An integrator with its defaults.
     pub fn plain(row: &'static IntegratorRow) -> Technique {
         Technique { row, params: BTreeMap::new() }
+    }
+
+    /// Whether strategies count whatever their density, `mis = "none"`: then short connections and lights near surfaces
+    /// bring rare samples of any size, the variance has no bound, and a small sum that missed them looks surer than it is.
+    pub fn is_wild(&self) -> bool {
+        self.params.get(mis::FIELD.key).and_then(Value::as_str) == Some("none")
     }
 
     /// The same integrator with each other word of each of its parameters in turn. Words choose how light is found;

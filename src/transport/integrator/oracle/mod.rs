@@ -24,6 +24,9 @@ pub struct OracleReport {
     pub strategies: Vec<Vec<u64>>,
     /// The greatest difference between the weight that `bdpt` used and that of the definition.
     pub worst_weight: f64,
+    /// Paths whose weight differs by more than [`TOLERANCE`]. Where all strategies count alike, a density that rounding
+    /// makes zero changes their number, and with it the weight.
+    pub rough_weights: u64,
     /// The greatest difference between one and the sum of the fast weights of all strategies of one path.
     pub worst_sum: f64,
     /// The greatest difference between the density that divides what a strategy found, and that of the definition.
@@ -91,6 +94,7 @@ impl OracleReport {
                 (said - carried).abs().max_element() / carried.abs().max_element()
             }
         };
+        self.rough_weights += u64::from(weight_error.is_nan() || weight_error > TOLERANCE);
         self.rough_densities += u64::from(density_error.is_nan() || density_error > TOLERANCE);
         self.coarse_densities += u64::from(density_error.is_nan() || density_error > COARSE);
         self.worst_weight = worst(self.worst_weight, weight_error);
