@@ -48,7 +48,10 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
         (_, Some(y), Some(z)) => {
             let at_y = y.bsdf.evaluate(y.wo, path.dirs[s - 1], Mode::Importance);
             let at_z = z.bsdf.evaluate(z.wo, -path.dirs[s - 1], Mode::Radiance);
-            others_of_ends(h, [&y, &z], [&at_y, &at_z], -path.dirs[s - 1], y.position.distance_squared(z.position))
+            // Between the points, as all strategies measure the edge; the traced direction starts off the surface.
+            let edge = y.position - z.position;
+            let distance2 = edge.length_squared();
+            others_of_ends(h, [&y, &z], [&at_y, &at_z], edge / distance2.sqrt(), distance2)
         }
         (_, Some(y), None) => {
             let at_y = y.bsdf.evaluate(y.wo, path.dirs[k - 1], Mode::Importance);
