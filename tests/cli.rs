@@ -1,6 +1,10 @@
-//! The program end to end, on the mock backend: what is printed, what is written, and how it exits.
+//! The program end to end, mostly on the mock backend: what is printed, what is written, and how it exits.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod common;
+
+#[path = "cli/compare.rs"]
+mod compare;
 #[path = "cli/errors.rs"]
 mod errors;
 #[path = "cli/nights.rs"]
@@ -10,5 +14,7 @@ mod reading;
 #[cfg(unix)]
 #[path = "cli/signals.rs"]
 mod signals;
+#[path = "cli/verify.rs"]
+mod verify;
 #[path = "cli/workplace.rs"]
 mod workplace;

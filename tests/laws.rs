@@ -3,6 +3,8 @@
 
 #[path = "laws/dependencies.rs"]
 mod dependencies;
+#[path = "laws/documents.rs"]
+mod documents;
 #[path = "laws/files.rs"]
 mod files;
 #[path = "laws/imports.rs"]

@@ -6,3 +6,6 @@
 mod golden;
 #[path = "metrics/laws.rs"]
 mod laws;
+#[cfg(feature = "flip-oracle")]
+#[path = "metrics/oracle.rs"]
+mod oracle;

@@ -1,18 +1,54 @@
 //! What the CPU backend renders, against analytic truth, brute force and images made by others.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
 
 mod common;
 
+#[path = "render/agreement.rs"]
+mod agreement;
+#[path = "render/agreement_lamps.rs"]
+mod agreement_lamps;
+#[path = "render/agreement_lights.rs"]
+mod agreement_lights;
+#[path = "render/agreement_materials.rs"]
+mod agreement_materials;
+#[path = "render/agreement_surfaces.rs"]
+mod agreement_surfaces;
 #[path = "render/bsdf.rs"]
 mod bsdf;
+#[path = "render/bsdf_albedo.rs"]
+mod bsdf_albedo;
+#[path = "render/bsdf_formulas.rs"]
+mod bsdf_formulas;
+#[path = "render/bsdf_grid.rs"]
+mod bsdf_grid;
+#[path = "render/bsdf_limits.rs"]
+mod bsdf_limits;
+#[path = "render/bsdf_symmetry.rs"]
+mod bsdf_symmetry;
+#[path = "render/camera.rs"]
+mod camera;
 #[path = "render/determinism.rs"]
 mod determinism;
+#[path = "render/film.rs"]
+mod film;
 #[path = "render/furnace.rs"]
 mod furnace;
 #[path = "render/intersection.rs"]
 mod intersection;
+#[path = "render/layers.rs"]
+mod layers;
 #[path = "render/lights.rs"]
 mod lights;
+#[path = "render/lights_density.rs"]
+mod lights_density;
+#[path = "render/lights_truth.rs"]
+mod lights_truth;
+#[path = "render/oracle.rs"]
+mod oracle;
 #[path = "render/references.rs"]
 mod references;
+#[path = "render/sampling.rs"]
+mod sampling;
+#[path = "render/surface.rs"]
+mod surface;

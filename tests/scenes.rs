@@ -8,10 +8,14 @@ mod builtin;
 mod damaged;
 #[path = "scenes/edit.rs"]
 mod edit;
+#[path = "scenes/lights.rs"]
+mod lights;
 #[path = "scenes/obj.rs"]
 mod obj;
 #[path = "scenes/scn.rs"]
 mod scn;
+#[path = "scenes/textures.rs"]
+mod textures;
 #[path = "scenes/third_party.rs"]
 mod third_party;
 

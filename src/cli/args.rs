@@ -1,9 +1,10 @@
 //! What can be typed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::scene::load::Missing;
 use crate::value::Value;
 
 /// The whole command line.
@@ -35,16 +36,20 @@ Exit codes:
     2  usage, script or scene error, found before any work
     3  some cells failed
     4  a limit was reached with work left
+    5  verification failed
    75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
   130  ended by Ctrl-C (143 by a second SIGTERM)
 
 Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
 
+/// Where results live if nobody says otherwise.
+const DEFAULT_OUT: &str = "out";
+
 /// Options that every verb understands.
 #[derive(Args, Clone, Debug)]
 pub struct Global {
     /// Where results live
-    #[arg(long, global = true, value_name = "DIR", default_value = "out")]
+    #[arg(long, global = true, value_name = "DIR", default_value = DEFAULT_OUT)]
     pub out: PathBuf,
     /// Render on this backend, whatever the script says (`lumbre doctor` lists them)
     #[arg(long, global = true, value_name = "NAME")]
@@ -58,6 +63,16 @@ pub struct Global {
     /// Say nothing but errors, warnings and data
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Go on where a material's texture cannot be read: its scalar value is used, with a note (run, plan, check)
+    #[arg(long, global = true)]
+    pub lenient: bool,
+}
+
+impl Global {
+    /// What becomes of textures that cannot be read.
+    pub fn missing(&self) -> Missing {
+        if self.lenient { Missing::Noted } else { Missing::Refused }
+    }
 }
 
 /// The verbs.
@@ -80,8 +95,33 @@ pub enum Verb {
     Schema(SchemaArgs),
     /// Say what this machine offers: backends, cores, terminal, a writable out/
     Doctor(DoctorArgs),
+    /// Check light transport: against theory, techniques against each other, and against images by others
+    ///
+    /// Every check compares pictures block by block, as estimates with noise, and ends in a verdict. All checks together
+    /// call a correct program wrong with a probability of one in a thousand, whatever the seed. Checks:
+    ///
+    ///   analytic   scenes whose radiance is known in closed form
+    ///   density    the weights of bdpt, path by path, against their definition
+    ///   agreement  the built-in scenes by every integrator and every variant of its parameters
+    ///   reference  images made by others, with --scenes
+    ///
+    /// Exit code 5 says that a check failed.
+    #[command(verbatim_doc_comment)]
+    Verify(VerifyArgs),
     /// Measure the program itself and write out/bench.json
+    ///
+    /// For every scene: rays per second by kind; and for every integrator camera paths per second with their spread over
+    /// the repetitions, the variance of one sample per pixel (mean over pixels and channels), the efficiency
+    /// 1 / (variance x seconds per sample of every pixel), and the time to a relative RMSE of 5 %: the root of the mean
+    /// squared error over the mean of the picture. The last three are a dash where an integrator found light too rarely
+    /// for its variance to be known.
     Bench(BenchArgs),
+    /// Measure a picture against a reference: EXR, HDR, PNG, JPEG or BMP files from anywhere
+    ///
+    /// Files with 8 or 16 bits are decoded with the sRGB curve; metrics see linear light unless `on` names a tone map.
+    Metric(MetricArgs),
+    /// Show where two pictures differ, and draw the error of every pixel
+    Diff(DiffArgs),
     /// Print completions for a shell
     ///
     /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
@@ -174,14 +214,93 @@ pub struct DoctorArgs {
     pub json: bool,
 }
 
+/// `lumbre verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// The folder below which the scenes of references lie; without it references are skipped
+    #[arg(long, value_name = "DIR")]
+    pub scenes: Option<PathBuf>,
+    /// The folder of references: EXR, EXR of standard errors, JSON of settings [default: `references` beside the scenes]
+    #[arg(long, value_name = "DIR")]
+    pub references: Option<PathBuf>,
+    /// Run only the checks whose kind, name or techniques contain this text; give it again to narrow further
+    #[arg(long, value_name = "TEXT")]
+    pub only: Vec<String>,
+    /// Few samples and small pictures: seconds, and only large mistakes are found
+    #[arg(long)]
+    pub quick: bool,
+    /// Seed of all random numbers; each seed repeats to the bit
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `lumbre bench`.
 #[derive(Args, Debug)]
 pub struct BenchArgs {
     /// Scene files to measure besides the built-in scenes
     pub scenes: Vec<PathBuf>,
+    /// Measure the given scenes alone: neither the built-in ones nor the program's own overheads
+    #[arg(long, requires = "scenes")]
+    pub only: bool,
+    /// Repetitions of every measurement; medians are reported, and the spread of the rates
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repeats: u32,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// `lumbre metric`.
+#[derive(Args, Debug)]
+pub struct MetricArgs {
+    /// The picture
+    pub image: PathBuf,
+    /// What it is measured against
+    pub reference: PathBuf,
+    /// A metric, with options after a colon: `ssim:window=gauss,on=srgb`; give it again for more. All of them without it
+    #[arg(long, value_name = "NAME[:KEY=VALUE,..]")]
+    pub metric: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre diff`.
+#[derive(Args, Debug)]
+pub struct DiffArgs {
+    /// The picture
+    pub a: PathBuf,
+    /// What it is compared with
+    pub b: PathBuf,
+    /// The metric whose error is shown, with options as for `lumbre metric`
+    #[arg(long, value_name = "NAME[:KEY=VALUE,..]", default_value = "flip")]
+    pub metric: String,
+    /// Write the map: .png in colours, .exr as values
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// The error at the upper end of the colours, instead of the metric's largest or the 99th percentile
+    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    pub max: Option<f32>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl DiffArgs {
+    /// The file of the map, if one is wanted. The global option of the same name hands its default down, which is no
+    /// name that a map could have.
+    pub fn map_file(&self) -> Option<&Path> {
+        self.out.as_deref().filter(|out| *out != Path::new(DEFAULT_OUT))
+    }
+}
+
+/// Reads a positive number.
+fn positive(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
+    number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
 }
 
 /// Reads `axis=value,value`.
@@ -197,7 +316,7 @@ fn axis_values(text: &str) -> Result<(String, Vec<Value>), String> {
 }
 
 /// Cuts at commas that stand in no bracket, brace or quotes.
-fn split(text: &str) -> Vec<&str> {
+pub fn split(text: &str) -> Vec<&str> {
     let (mut depth, mut quoted, mut start) = (0, false, 0);
     let mut parts = Vec::new();
     for (at, c) in text.char_indices() {
@@ -217,7 +336,7 @@ fn split(text: &str) -> Vec<&str> {
 }
 
 /// A value as typed: numbers, `true`, `false`, JSON in brackets, braces or quotes; anything else is text.
-fn value(text: &str) -> Result<Value, String> {
+pub fn value(text: &str) -> Result<Value, String> {
     let text = text.trim();
     if text.is_empty() {
         return Err("a value is missing".to_owned());
@@ -275,6 +394,12 @@ mod tests {
             assert_eq!(cli.global.out, PathBuf::from("x"));
             assert!(cli.global.quiet);
         }
+        let map = |args: &[&str]| match Cli::try_parse_from(args).unwrap().verb {
+            Verb::Diff(diff) => diff.map_file().map(Path::to_owned),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(map(&["lumbre", "diff", "a", "b"]), None);
+        assert_eq!(map(&["lumbre", "diff", "a", "b", "--out", "m.png"]), Some(PathBuf::from("m.png")));
         assert!(Cli::try_parse_from(["lumbre", "schema"]).is_err());
         assert!(Cli::try_parse_from(["lumbre", "schema", "--lua", "--json"]).is_err());
     }

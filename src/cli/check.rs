@@ -1,6 +1,6 @@
 //! `lumbre check`: reads scripts and scenes, renders and writes nothing.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::args::{CheckArgs, Global, ScriptArgs};
 use super::exit::{Exit, Failure, data, talk};
@@ -12,7 +12,7 @@ use crate::scene::{self, Note, SceneError};
 pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     for file in &args.files {
-        let checked = if is_script(file) { script(file, global) } else { scene(file) };
+        let checked = if is_script(file) { script(file, global) } else { scene(file, global) };
         match checked {
             Ok(_) if global.quiet => {}
             Ok(line) => data(&format!("ok  {}: {line}\n", file.display()))?,
@@ -42,12 +42,12 @@ fn script(file: &Path, global: &Global) -> Result<String, Failure> {
     ))
 }
 
-fn scene(file: &Path) -> Result<String, Failure> {
+fn scene(file: &Path, global: &Global) -> Result<String, Failure> {
     if file.is_dir() {
         return Err(Failure::usage(format!("{} is a folder: name the files in it", file.display())));
     }
     let read = || -> Result<(scene::CompiledScene, Vec<Note>), SceneError> {
-        let (desc, mut notes) = scene::load::load(&PathBuf::from(file))?;
+        let (desc, mut notes) = scene::load::load_with(file, global.missing())?;
         let (compiled, more) = scene::compile(&desc)?;
         notes.extend(more);
         Ok((compiled, notes))

@@ -16,6 +16,8 @@ pub enum Exit {
     CellsFailed,
     /// Work is left.
     WorkLeft,
+    /// A check of `verify` failed.
+    NotVerified,
     /// SIGTERM or SIGUSR1 ended the night between waves; the same command goes on.
     Checkpointed,
     /// The user ended the night.
@@ -31,6 +33,7 @@ impl Exit {
             Exit::Usage => 2,
             Exit::CellsFailed => 3,
             Exit::WorkLeft => 4,
+            Exit::NotVerified => 5,
             Exit::Checkpointed => 75,
             Exit::Interrupted => 130,
         }

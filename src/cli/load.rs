@@ -27,7 +27,8 @@ pub fn plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), F
         only: args.only.iter().flat_map(pairs).collect(),
         backend: global.backend.clone(),
     };
-    let plan = expand(&script.spec, &script, &overrides, &mut scene::load::load).map_err(plan_failure)?;
+    let mut load = |path: &Path| scene::load::load_with(path, global.missing());
+    let plan = expand(&script.spec, &script, &overrides, &mut load).map_err(plan_failure)?;
     Ok((script, Arc::new(plan)))
 }
 

@@ -5,7 +5,9 @@
 
 mod args;
 mod bench;
+mod builtin;
 mod check;
+mod compare;
 mod docs;
 mod doctor;
 mod exit;
@@ -18,6 +20,7 @@ mod run;
 mod schema;
 mod signals;
 mod text;
+pub mod verify;
 
 use std::process::ExitCode;
 
@@ -56,7 +59,10 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Show(args) => inspect::show(args, global),
         Verb::Schema(args) => schema::main(args),
         Verb::Doctor(args) => doctor::main(args, global),
+        Verb::Verify(args) => verify::main(args, global),
         Verb::Bench(args) => measure(args, global),
+        Verb::Metric(args) => compare::metric(args, global),
+        Verb::Diff(args) => compare::diff(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
     }
@@ -71,7 +77,7 @@ fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
             talk(line);
         }
     };
-    let report = bench::measure(&args.scenes, global.threads, &mut say).map_err(Failure::usage)?;
+    let report = bench::measure(args, global.threads, &mut say).map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());
     crate::store::atomic(&file, json.as_bytes()).map_err(Failure::internal)?;
     data(if args.json { &json } else { report.text() })?;

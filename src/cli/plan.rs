@@ -50,7 +50,7 @@ fn with_states(plan: &Plan, cells: &[Option<String>], references: &[Option<Strin
     json["estimate"] = json!({
         "runs_by_time": estimate.by_time, "seconds": estimate.seconds,
         "runs_by_samples": estimate.by_samples, "paths": estimate.paths,
-        "runs_without_limit": estimate.unbounded,
+        "runs_without_limit": estimate.unbounded, "layer_bytes": estimate.layer_bytes,
     });
     json
 }
@@ -124,6 +124,9 @@ fn in_words(estimate: &Estimate) -> String {
     }
     if estimate.unbounded > 0 {
         parts.push(format!("{} without a limit of time or samples", counted(estimate.unbounded, "run")));
+    }
+    if estimate.layer_bytes > 0 {
+        parts.push(format!("layers take up to {} of memory", text::size(estimate.layer_bytes)));
     }
     if parts.is_empty() { "nothing to render".to_owned() } else { parts.join("; ") }
 }

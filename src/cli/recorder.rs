@@ -11,11 +11,12 @@ use crate::experiment::event::Level;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
+use crate::film::layer::LayerImage;
 use crate::film::{Film, Image};
-use crate::output::{exr, png};
+use crate::output::{exr, layer, plot, png};
 use crate::render::OpenStats;
 use crate::scene::desc::content_hash;
-use crate::store::{RunWriter, Store, StoreError, utc};
+use crate::store::{FILMS, RunWriter, Store, StoreError, utc};
 
 /// What wrote the files.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -125,7 +126,14 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    fn finish(&mut self, cell: CellRef, reason: &str, film: &Film, rows: &[WaveRow]) -> Result<(), SinkError> {
+    fn finish(
+        &mut self,
+        cell: CellRef,
+        reason: &str,
+        film: &Film,
+        layers: &[LayerImage],
+        rows: &[WaveRow],
+    ) -> Result<(), SinkError> {
         let Some(current) = self.current.take_if(|c| c.cell == cell) else {
             return Err(SinkError("the run ended before it was started".to_owned()));
         };
@@ -144,8 +152,39 @@ impl<'a> Recorder<'a> {
         writer.write(&format!("{name}.exr"), &linear).map_err(lost)?;
         let shown = png::encode(&image, self.plan.measure.display, &metadata).map_err(failed)?;
         writer.write(&format!("{name}.png"), &shown).map_err(lost)?;
+        self.keep_layers(cell, &writer, layers, &metadata)?;
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
-        writer.finish(&done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last))).map_err(lost)
+        let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
+        if !layers.is_empty() {
+            done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
+        }
+        writer.finish(&done).map_err(lost)
+    }
+
+    /// Writes the films of all layers, and the sheets on which they stand side by side.
+    fn keep_layers(
+        &self,
+        cell: CellRef,
+        writer: &RunWriter,
+        layers: &[LayerImage],
+        metadata: &[(String, String)],
+    ) -> Result<(), SinkError> {
+        let display = self.plan.measure.display;
+        for layer in layers {
+            let row = layer.film.layer.row();
+            let name = layer.film.name();
+            let mut metadata = metadata.to_vec();
+            metadata.push(("lumbre.film".to_owned(), name.clone()));
+            metadata.push(("lumbre.channels".to_owned(), row.channels.join(", ")));
+            let linear = exr::encode(&layer.image, &metadata).map_err(failed)?;
+            writer.write(&format!("{FILMS}/{name}.exr"), &linear).map_err(lost)?;
+            let shown = layer::encode(layer, display, &metadata).map_err(failed)?;
+            writer.write(&format!("{FILMS}/{name}.png"), &shown).map_err(lost)?;
+        }
+        for (stem, bytes) in plot::sheets(layers, display, self.path(cell), metadata).map_err(failed)? {
+            writer.write(&format!("{FILMS}/{stem}.png"), &bytes).map_err(lost)?;
+        }
+        Ok(())
     }
 
     fn metrics(&self, row: &WaveRow) -> Json {
@@ -190,9 +229,9 @@ impl Sink for Recorder<'_> {
             }
             Event::CellStarted { cell, open, reference } => self.start(*cell, open, reference.is_some()),
             Event::Wave { cell, row, image, pow2, .. } => self.wave(*cell, row, image, *pow2),
-            Event::CellFinished { cell, outcome, film, rows } => {
+            Event::CellFinished { cell, outcome, film, layers, rows } => {
                 let kept = match (outcome, film) {
-                    (Outcome::Done(reason), Some(film)) => self.finish(*cell, reason, film, rows),
+                    (Outcome::Done(reason), Some(film)) => self.finish(*cell, reason, film, layers, rows),
                     (Outcome::Done(_), None) => Err(SinkError("it is done but left no picture".to_owned())),
                     (Outcome::Failed(reason), _) => {
                         self.log.run_line(LogLevel::ERROR, &format!("failed: {reason}"));

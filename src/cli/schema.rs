@@ -4,13 +4,14 @@ use serde_json::{Value as Json, json};
 
 use super::args::SchemaArgs;
 use super::exit::{Exit, Failure, data};
+use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
-use crate::metrics::{Better, METRICS};
 use crate::render::BACKENDS;
-use crate::scene::desc::MATERIAL_PARAMS;
+use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use crate::scene::load::FORMATS;
 use crate::script::docgen;
 use crate::transport::integrator::INTEGRATORS;
+use crate::transport::sampler::SAMPLERS;
 use crate::value::schema::{Field, Table, Ty};
 
 /// Prints the annotations for editors, or the tables as JSON.
@@ -28,15 +29,17 @@ fn tables() -> Json {
         "integrators": INTEGRATORS.iter().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "revision": r.revision, "doc": r.doc, "params": table(&r.params),
         })).collect::<Vec<_>>(),
+        "samplers": SAMPLERS.iter().map(|r| json!({ "name": r.name, "revision": r.revision, "doc": r.doc }))
+            .collect::<Vec<_>>(),
         "metrics": METRICS.iter().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "doc": r.doc, "options": table(&r.options),
-            "better": match r.better { Better::Lower => "lower", Better::Higher => "higher" },
+            "better": r.better.to_string(),
         })).collect::<Vec<_>>(),
         "tonemaps": TONEMAPS.iter().map(|(name, options)| json!({ "name": name, "options": table(options) }))
             .collect::<Vec<_>>(),
         "backends": BACKENDS.iter().map(|r| json!({ "name": r.name, "doc": r.doc })).collect::<Vec<_>>(),
         "material_params": MATERIAL_PARAMS.iter().map(|r| json!({
-            "name": r.name, "type": r.ty.describe(), "doc": r.doc, "scn_key": r.scn_key, "textured": r.texture.is_some(),
+            "name": r.name, "type": r.ty.describe(), "doc": r.doc, "scn_key": r.scn_key, "texture": r.texture.map(TextureSlot::name),
         })).collect::<Vec<_>>(),
         "formats": FORMATS.iter().map(|r| json!({ "name": r.name, "extensions": r.extensions, "doc": r.doc }))
             .collect::<Vec<_>>(),

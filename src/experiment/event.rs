@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use super::plan::Plan;
+use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::OpenStats;
 
@@ -108,6 +109,8 @@ pub enum Event {
         outcome: Outcome,
         /// The sums; none if it was cached, ended before its first wave, or panicked while rendering.
         film: Option<Arc<Film>>,
+        /// The images of the layers that it was asked for; empty unless it is done.
+        layers: Arc<Vec<LayerImage>>,
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,
     },

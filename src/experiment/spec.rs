@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::event::WaveRow;
 use super::stop::StopRule;
+use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::transport::camera::FilterSpec;
 use crate::value::Value;
@@ -157,6 +158,10 @@ pub struct CellConfig {
     pub rr_start: Option<u32>,
     /// Pixel filter.
     pub filter: FilterSpec,
+    /// Layers that are kept beside the picture, in the order of [`LAYERS`](crate::film::layer::LAYERS), each once.
+    pub films: Vec<Layer>,
+    /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
+    pub sampler: String,
     /// Changes to the scene by path, `camera` ones included.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.

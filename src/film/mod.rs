@@ -2,6 +2,9 @@
 //!
 //! Every buffer here is `[y][x][rgb]`, origin top-left, linear sRGB, radiance in scene units.
 
+pub mod layer;
+pub mod splat;
+
 use std::sync::Arc;
 
 /// An image of `f32` colour triples, `[y][x][rgb]`, origin top-left, linear sRGB.
@@ -48,6 +51,11 @@ impl Image {
 ///
 /// Samples are added one by one in the order of their sample index, so the sums do not depend on how samples were
 /// grouped into waves, on tiles, or on threads; and `f64` keeps counting where an `f32` running mean would stall.
+///
+/// Splats, which are light that a sample of another pixel brought, count in `sum` like everything else, over the same
+/// `samples`. How many land on a pixel is nearly a Poisson number, so the variance of their sum is the plain sum of their
+/// squares `q`, without a mean taken off. `sum2` is therefore kept such that [`Film::variance_of_mean`] is the sum of
+/// both variances: with own sums `s`, `s2`, all sums `S` and `n` samples it is `s2 + q (n - 1) / n + (S^2 - s^2) / n`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// Columns.
@@ -80,6 +88,9 @@ impl Film {
     }
 
     /// The estimated variance of each pixel's mean: sample variance over `samples`. Zero with fewer than two samples.
+    ///
+    /// That is for independent samples. Those of the sampler `sobol` keep out of each other's way: their mean mostly varies
+    /// less than is said here (and up to about twice as much where light hangs on a product of two decisions).
     pub fn variance_of_mean(&self) -> Image {
         let n = self.samples as f64;
         let pixel = |(s, q): (&[f64; 3], &[f64; 3])| {

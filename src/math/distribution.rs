@@ -1,43 +1,99 @@
-//! Discrete distributions.
+//! Distributions over items and over the cells of a grid.
 
-/// A distribution over `0..n` proportional to given weights, sampled by inversion.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Discrete {
-    /// Cumulative sums divided by the total; the last is exactly 1.
-    cdf: Vec<f32>,
-    /// Probability of each item.
-    pmf: Vec<f32>,
-    total: f64,
+/// Steps of a sample number: those of [`unit`](crate::math::rng::unit) are whole multiples of one part in this many.
+const STEPS: u32 = 1 << 24;
+
+/// For every item the end of its steps, one item's beginning where the one before ends: in proportion to the weights, but
+/// at least one for every item of positive weight, and none for others. `None` if no weight is positive, one is negative
+/// or not finite, or more are positive than there are steps.
+///
+/// What is a whole number of steps can be said exactly. A probability from the weight itself would differ from how often
+/// `u` meets the item, by a whole step, which is much to one of ten thousand items.
+fn steps(weights: &[f64]) -> Option<Vec<u32>> {
+    let total: f64 = weights.iter().sum();
+    let last = weights.iter().rposition(|w| *w > 0.0)?;
+    let positive = weights.iter().filter(|w| **w > 0.0).count();
+    if weights.iter().any(|w| !w.is_finite() || *w < 0.0) || !total.is_finite() || positive > STEPS as usize {
+        return None;
+    }
+    // One step each, and the rest in proportion to what is missing.
+    let missing = |w: &f64| (w / total * f64::from(STEPS) - 1.0).max(0.0);
+    let shared = f64::from(STEPS - positive as u32) / weights.iter().map(missing).sum::<f64>().max(f64::MIN_POSITIVE);
+    let (mut sum, mut items) = (0.0, 0);
+    let end = |w: &f64| {
+        sum += missing(w);
+        items += u32::from(*w > 0.0);
+        ((sum * shared) as u32 + items).min(STEPS)
+    };
+    let mut ends: Vec<u32> = weights.iter().map(end).collect();
+    ends[last..].fill(STEPS);
+    Some(ends)
 }
 
-impl Discrete {
-    /// Builds the distribution; `None` if no weight is positive or one is negative or not finite.
-    pub fn new(weights: impl IntoIterator<Item = f32>) -> Option<Discrete> {
-        let weights: Vec<f64> = weights.into_iter().map(f64::from).collect();
-        let total: f64 = weights.iter().sum();
-        if weights.iter().any(|w| !w.is_finite() || *w < 0.0) || total <= 0.0 || !total.is_finite() {
+/// The step that a number in `[0, 1)` stands for.
+#[inline]
+fn step_of(u: f32) -> u32 {
+    ((u * STEPS as f32) as u32).min(STEPS - 1)
+}
+
+/// A distribution over `0..n` proportional to given weights, sampled in constant time by an alias table
+/// [Walker 1977; Vose 1991].
+///
+/// A sample number has only 2^24 values, of which each item has a whole number, and each of positive weight at least one.
+/// Probabilities are these numbers rather than the weights that they come from: so [`Alias::pmf`] says exactly what
+/// [`Alias::sample`] does, for ten thousand items too, and for one that weighs a million times less than its neighbour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Alias {
+    /// Of every column, how many of its steps mean its own item, and the item that the others mean. Their number is a
+    /// power of two, so that all have the same number of steps; what has no item has no steps of its own.
+    columns: Vec<(u32, u32)>,
+    /// Binary logarithm of the number of steps of a column.
+    shift: u32,
+    /// Probability of each item.
+    pmf: Vec<f32>,
+}
+
+impl Alias {
+    /// The greatest number of items: more could not all have a value of their own.
+    pub const MAX_ITEMS: usize = STEPS as usize;
+
+    /// Builds the table; `None` if no weight is positive, one is negative or not finite, or there are more than
+    /// [`Alias::MAX_ITEMS`].
+    pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Alias> {
+        let weights: Vec<f64> = weights.into_iter().collect();
+        if weights.len() > Alias::MAX_ITEMS {
             return None;
         }
-        let mut sum = 0.0;
-        let mut cdf: Vec<f32> = weights
-            .iter()
-            .map(|w| {
-                sum += w;
-                (sum / total) as f32
-            })
-            .collect();
-        // The last item with weight must catch every u < 1, also after rounding.
-        let last = weights.iter().rposition(|w| *w > 0.0)?;
-        cdf[last..].fill(1.0);
-        let pmf = weights.iter().map(|w| (w / total) as f32).collect();
-        Some(Discrete { cdf, pmf, total })
+        let ends = steps(&weights)?;
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        let mut rest: Vec<u32> = ends.iter().zip(starts).map(|(end, start)| end - start).collect();
+        let pmf = rest.iter().map(|n| *n as f32 / STEPS as f32).collect();
+        rest.resize(weights.len().next_power_of_two(), 0);
+        let capacity = STEPS / rest.len() as u32;
+        let mut columns: Vec<(u32, u32)> = (0..rest.len() as u32).map(|i| (capacity, i)).collect();
+        let (mut under, mut over): (Vec<u32>, Vec<u32>) =
+            (0..rest.len() as u32).partition(|i| rest[*i as usize] < capacity);
+        // In whole numbers nothing is left over: the last column is full.
+        while let (Some(small), Some(&large)) = (under.pop(), over.last()) {
+            let own = rest[small as usize];
+            columns[small as usize] = (own, large);
+            rest[large as usize] -= capacity - own;
+            if rest[large as usize] < capacity {
+                over.pop();
+                under.push(large);
+            }
+        }
+        Some(Alias { columns, shift: capacity.trailing_zeros(), pmf })
     }
 
     /// The item for `u` in `[0, 1)`, and its probability. Items of weight zero are never returned.
     #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
-        let i = self.cdf.partition_point(|c| *c <= u).min(self.cdf.len() - 1);
-        (i, self.pmf[i])
+        let step = step_of(u);
+        let column = (step >> self.shift) as usize;
+        let (own, above) = self.columns[column];
+        let item = if step & ((1 << self.shift) - 1) < own { column } else { above as usize };
+        (item, self.pmf[item])
     }
 
     /// Probability of item `i`.
@@ -45,11 +101,90 @@ impl Discrete {
     pub fn pmf(&self, i: usize) -> f32 {
         self.pmf[i]
     }
+}
 
-    /// Sum of the weights.
-    pub fn total(&self) -> f64 {
-        self.total
+/// A distribution over the cells of a grid, constant inside a cell: a row from the marginal distribution, a column from
+/// the row's conditional one.
+///
+/// As in an [`Alias`] table, probabilities are whole numbers of the 2^24 values of a sample number, at least one for every
+/// row and cell of positive weight, so that [`Grid::probability`] says exactly what [`Grid::sample`] does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    width: usize,
+    /// Cumulative probability after every row.
+    marginal: Vec<f32>,
+    /// Cumulative probability after every cell of a row, row by row.
+    conditional: Vec<f32>,
+}
+
+/// A point drawn from a [`Grid`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridSample {
+    /// Column and row.
+    pub cell: [usize; 2],
+    /// Position inside the cell, in `[0, 1)` along columns and rows.
+    pub inside: [f32; 2],
+    /// Probability of the cell.
+    pub probability: f32,
+}
+
+impl Grid {
+    /// Builds the distribution from `[y][x]` weights; `None` if no weight is positive, one is negative or not finite, they
+    /// do not fill rows of `width`, or a side is longer than 2^23.
+    pub fn new(width: usize, weights: &[f64]) -> Option<Grid> {
+        if width == 0 || !weights.len().is_multiple_of(width) || weights.iter().any(|w| !w.is_finite() || *w < 0.0) {
+            return None;
+        }
+        let mut conditional = Vec::with_capacity(weights.len());
+        let mut rows = Vec::with_capacity(weights.len() / width);
+        for row in weights.chunks_exact(width) {
+            rows.push(row.iter().sum::<f64>());
+            match cumulative(row) {
+                Some(sums) => conditional.extend(sums),
+                // Never chosen: the marginal distribution has no width there.
+                None => conditional.extend(std::iter::repeat_n(1.0, width)),
+            }
+        }
+        Some(Grid { width, marginal: cumulative(&rows)?, conditional })
     }
+
+    /// A cell and a point in it for `u` in `[0, 1)^2`: the first number chooses the column, the second the row.
+    #[inline]
+    pub fn sample(&self, u: [f32; 2]) -> GridSample {
+        let (y, fy, row) = invert(&self.marginal, u[1]);
+        let (x, fx, column) = invert(self.row(y), u[0]);
+        GridSample { cell: [x, y], inside: [fx, fy], probability: row * column }
+    }
+
+    /// Probability of the cell in a column and a row.
+    #[inline]
+    pub fn probability(&self, x: usize, y: usize) -> f32 {
+        width_of(&self.marginal, y) * width_of(self.row(y), x)
+    }
+
+    fn row(&self, y: usize) -> &[f32] {
+        &self.conditional[y * self.width..][..self.width]
+    }
+}
+
+/// Cumulative probabilities in whole steps; `None` as for [`steps`].
+fn cumulative(weights: &[f64]) -> Option<Vec<f32>> {
+    Some(steps(weights)?.into_iter().map(|end| end as f32 / STEPS as f32).collect())
+}
+
+#[inline]
+fn width_of(cdf: &[f32], i: usize) -> f32 {
+    cdf[i] - if i == 0 { 0.0 } else { cdf[i - 1] }
+}
+
+/// The item whose interval holds `u`, where in the interval, and how wide it is.
+#[inline]
+fn invert(cdf: &[f32], u: f32) -> (usize, f32, f32) {
+    let i = cdf.partition_point(|c| *c <= u).min(cdf.len() - 1);
+    let low = if i == 0 { 0.0 } else { cdf[i - 1] };
+    let width = cdf[i] - low;
+    // The middle of the step that `u` stands for, so that few steps do not all lie at one edge.
+    (i, ((u - low + 0.5 / STEPS as f32) / width).clamp(0.0, 1.0 - f32::EPSILON), width)
 }
 
 #[cfg(test)]
@@ -58,29 +193,109 @@ mod tests {
     use crate::math::{rng, stats};
 
     #[test]
-    fn frequencies_follow_the_weights() {
-        let weights = [0.0, 1.0, 5.0, 0.0, 0.25, 3.0, 0.0];
-        let d = Discrete::new(weights).unwrap();
-        let n = 100_000u32;
-        let mut observed = [0.0; 7];
-        for i in 0..n {
-            let (item, p) = d.sample(rng::unit(rng::pcg4d([i, 0, 0, 9])[0]));
-            assert_eq!(p, d.pmf(item));
-            observed[item] += 1.0;
+    fn an_alias_table_follows_its_weights_and_never_draws_zeros() {
+        // From one item to ten thousand, with zeros, ties and weights that differ by 10^6; four tests.
+        let cases: [Vec<f64>; 4] = [
+            vec![3.0],
+            vec![0.0, 1.0, 5.0, 0.0, 0.25, 3.0, 0.0],
+            vec![1e-3, 1e3, 1.0, 1.0],
+            (0..10_000).map(|i| f64::from(i % 7) + if i == 77 { 5e3 } else { 0.0 }).collect(),
+        ];
+        for weights in cases {
+            let a = Alias::new(weights.iter().copied()).unwrap();
+            let total: f64 = weights.iter().sum();
+            let n = 400_000u32;
+            let mut observed = vec![0.0; weights.len()];
+            for i in 0..n {
+                let (item, p) = a.sample(rng::unit(rng::pcg4d([i, 0, 4, 9])[0]));
+                assert_eq!(p, a.pmf(item));
+                observed[item] += 1.0;
+            }
+            let expected: Vec<f64> = weights.iter().map(|w| w / total * f64::from(n)).collect();
+            let p = stats::chi_square_p(&observed, &expected, 0);
+            assert!(p > 0.001 / 4.0, "{} weights: p = {p}", weights.len());
         }
-        assert_eq!((observed[0], observed[3], observed[6]), (0.0, 0.0, 0.0));
-        let expected: Vec<f64> = weights.iter().map(|w| f64::from(*w) / 9.25 * f64::from(n)).collect();
-        assert!(stats::chi_square_p(&observed, &expected, 0) > 0.001);
+        assert!(Alias::new([0.0, 0.0]).is_none() && Alias::new([1.0, -1.0]).is_none());
+        assert!(Alias::new([f64::NAN]).is_none() && Alias::new([]).is_none());
     }
 
     #[test]
-    fn extremes_and_nonsense() {
-        let d = Discrete::new([0.0, 2.0, 0.0]).unwrap();
-        assert_eq!(d.sample(0.0).0, 1);
-        assert_eq!(d.sample(0.999_999_94).0, 1);
-        assert!(Discrete::new([0.0, 0.0]).is_none());
-        assert!(Discrete::new([1.0, -1.0]).is_none());
-        assert!(Discrete::new([f32::NAN]).is_none());
-        assert!(Discrete::new([]).is_none());
+    fn probabilities_of_an_alias_table_are_exact_counts_and_nothing_that_weighs_is_lost() {
+        let tiny = |i: usize| if i.is_multiple_of(3) { 1e-30 } else { 1.0 + (i % 11) as f64 };
+        let weights: Vec<f64> = (0..999).map(|i| if i == 500 { 0.0 } else { tiny(i) }).collect();
+        let total: f64 = weights.iter().sum();
+        let a = Alias::new(weights.iter().copied()).unwrap();
+        let mut values = vec![0u32; weights.len()];
+        for k in 0..STEPS {
+            values[a.sample(k as f32 / STEPS as f32).0] += 1;
+        }
+        for (i, (v, w)) in values.iter().zip(&weights).enumerate() {
+            assert_eq!(f64::from(*v) / f64::from(STEPS), f64::from(a.pmf(i)), "item {i}");
+            assert_eq!(*v > 0, *w > 0.0, "item {i}");
+            assert!((f64::from(a.pmf(i)) - w / total).abs() * f64::from(STEPS) < 2.0, "item {i}");
+        }
+    }
+
+    #[test]
+    fn ten_thousand_items_take_one_look_each() {
+        // What makes the time constant: the item is one of the two of the column that `u` names.
+        let n = 10_000u32;
+        let a = Alias::new((0..n).map(|i| 1.0 + f64::from(i))).unwrap();
+        assert_eq!((a.columns.len(), a.pmf.len()), (16_384, n as usize));
+        for i in 0..100_000u32 {
+            let u = rng::unit(rng::pcg4d([i, 1, 4, 9])[0]);
+            let column = (u * 16_384.0) as usize;
+            let item = a.sample(u).0;
+            assert!(item == column || item == a.columns[column].1 as usize, "{item} from column {column}");
+        }
+    }
+
+    #[test]
+    fn as_many_items_as_steps_have_one_each_and_more_are_none() {
+        let a = Alias::new(std::iter::repeat_n(1.0, Alias::MAX_ITEMS)).unwrap();
+        assert!([0, 1, 77, STEPS - 1].iter().all(|k| a.sample(*k as f32 / STEPS as f32).0 == *k as usize));
+        assert!(Alias::new(std::iter::repeat_n(1.0, Alias::MAX_ITEMS + 1)).is_none());
+    }
+
+    #[test]
+    fn a_grid_follows_its_weights_inside_cells_too() {
+        // 5 x 4 cells with a black row and a black corner; every cell cut into 3 x 3.
+        let weights: Vec<f64> = (0..20)
+            .map(|i| match (i % 5, i / 5) {
+                (_, 1) | (0, 0) => 0.0,
+                (3, 2) => 40.0,
+                (x, y) => f64::from(x + y),
+            })
+            .collect();
+        let total: f64 = weights.iter().sum();
+        let grid = Grid::new(5, &weights).unwrap();
+        let n = 400_000u32;
+        let mut observed = vec![0.0; 180];
+        for i in 0..n {
+            let w = rng::pcg4d([i, 3, 4, 9]).map(rng::unit);
+            let s = grid.sample([w[0], w[1]]);
+            assert_eq!(s.probability, grid.probability(s.cell[0], s.cell[1]));
+            let [fx, fy] = s.inside.map(|f| (f * 3.0) as usize);
+            observed[(s.cell[1] * 5 + s.cell[0]) * 9 + fy * 3 + fx] += 1.0;
+        }
+        let expected: Vec<f64> =
+            weights.iter().flat_map(|w| std::iter::repeat_n(w / total * f64::from(n) / 9.0, 9)).collect();
+        let p = stats::chi_square_p(&observed, &expected, 0);
+        assert!(p > 0.001, "p = {p}");
+        for (i, w) in weights.iter().enumerate() {
+            assert!((f64::from(grid.probability(i % 5, i / 5)) - w / total).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn grids_without_weight_or_with_nonsense_are_none_and_extremes_stay_inside() {
+        assert!(Grid::new(2, &[0.0; 4]).is_none() && Grid::new(0, &[]).is_none() && Grid::new(3, &[1.0; 4]).is_none());
+        assert!(Grid::new(1, &[-1.0]).is_none() && Grid::new(1, &[f64::INFINITY]).is_none());
+        let g = Grid::new(3, &[0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        for u in [[0.0, 0.0], [0.999_999_94; 2]] {
+            let s = g.sample(u);
+            assert_eq!((s.cell, s.probability), ([1, 1], 1.0));
+            assert!(s.inside.iter().all(|f| (0.0..1.0).contains(f)));
+        }
     }
 }

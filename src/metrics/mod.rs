@@ -3,11 +3,24 @@
 //! One file and one row of [`METRICS`] each; columns, curves, stop rules and documentation follow from the row.
 //! Every metric sums in `f64`, and a NaN in either image makes its value NaN: a broken pixel is never averaged away.
 //!
-//! Every metric takes the option `on`, a tone map through which both images go first. Without it the metric sees
-//! linear radiance. Tone map, range and every other option are part of [`MetricSpec::identity`], since two values
-//! can be compared only when all of these agree.
+//! Every metric but `hdr_flip`, which maps tones itself, takes the option `on`, a tone map through which both images go
+//! first. Without it the metric sees linear radiance. Tone map, range and every other option are part of
+//! [`MetricSpec::identity`], since two values can be compared only when all of these agree.
+//!
+//! # Bibliography
+//! [Wang 2004] Image Quality Assessment: From Error Visibility to Structural Similarity. [Rousselle 2011] Adaptive
+//! Sampling and Reconstruction using Greedy Error Minimization. [Andersson et al. 2020] FLIP: A Difference Evaluator for
+//! Alternating Images. [Andersson et al. 2021] Visualizing Errors in Rendered High Dynamic Range Images. [Abasi 2020]
+//! Distance Metrics for Very Large Color Differences. [Hunt 2004] The Reproduction of Colour. [Hampel 1974] The Influence
+//! Curve and Its Role in Robust Estimation. [Moreland 2009] Diverging Color Maps for Scientific Visualization.
+//! [Reinhard 2002] Photographic Tone Reproduction for Digital Images.
 
+mod bias;
+mod colour;
+mod fireflies;
+mod flip;
 mod mae;
+pub mod map;
 mod mse;
 mod pixels;
 mod psnr;
@@ -22,6 +35,7 @@ use std::collections::BTreeMap;
 use crate::film::Image;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use map::{ErrorMap, PixelMap};
 use tonemap::Tonemap;
 
 /// Whether a smaller or a larger value is the better one.
@@ -31,6 +45,19 @@ pub enum Better {
     Lower,
     /// One, or infinity, is perfect.
     Higher,
+    /// Zero is perfect, and values have a sign.
+    NearZero,
+}
+
+impl std::fmt::Display for Better {
+    /// `lower`, `higher`, or `nearer to zero`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Better::Lower => "lower",
+            Better::Higher => "higher",
+            Better::NearZero => "nearer to zero",
+        })
+    }
 }
 
 /// A metric with its options, as a script asks for it.
@@ -66,7 +93,14 @@ pub struct MetricRow {
     pub smallest: fn(&MetricSpec) -> u32,
     /// Computes it: image, reference, options. The images are of one size, not too small, and already tone-mapped.
     pub eval: fn(&Image, &Image, &MetricSpec) -> f64,
+    /// How it shows where in the picture the error lies, if it can. The images are as for `eval`.
+    pub map: Option<PixelMap>,
+    /// The options that are chosen by looking at the reference when they are `auto`, with what is chosen.
+    pub settle: Option<Settle>,
 }
+
+/// What `auto` options mean for a reference: the options that are chosen, with what is chosen.
+pub type Settle = fn(&Image, &MetricSpec) -> BTreeMap<String, Value>;
 
 impl PartialEq for MetricRow {
     fn eq(&self, other: &MetricRow) -> bool {
@@ -104,12 +138,32 @@ pub enum MetricError {
         /// Width and height of the image.
         image: [u32; 2],
     },
+    /// The metric has no value of single pixels.
+    #[error("`{metric}` has no value of single pixels to show as a map (metrics that have: {known})")]
+    NoMap {
+        /// Name of the metric.
+        metric: &'static str,
+        /// Names of the metrics with a map.
+        known: String,
+    },
 }
 
 /// Every metric there is.
-pub const METRICS: &[MetricRow] = &[mse::ROW, rmse::ROW, mae::ROW, relmse::ROW, psnr::ROW, ssim::ROW];
+pub const METRICS: &[MetricRow] = &[
+    mse::ROW,
+    rmse::ROW,
+    mae::ROW,
+    relmse::ROW,
+    psnr::ROW,
+    ssim::ROW,
+    flip::ROW,
+    flip::HDR_ROW,
+    bias::ROW,
+    bias::ERROR_ROW,
+    fireflies::ROW,
+];
 
-/// The option that every metric has.
+/// The option of every metric that does not map tones itself.
 const ON: Field = Field {
     key: "on",
     ty: Ty::Any("Tonemap"),
@@ -151,6 +205,37 @@ impl MetricSpec {
     /// # Errors
     /// When the sizes differ, or the images are smaller than the metric's window.
     pub fn eval(&self, image: &Image, reference: &Image) -> Result<f64, MetricError> {
+        self.check_sizes(image, reference)?;
+        Ok(match self.tonemap() {
+            Some(on) => (self.row.eval)(&on.apply(image), &on.apply(reference), self),
+            None => (self.row.eval)(image, reference, self),
+        })
+    }
+
+    /// The error of every pixel, through the metric's tone map if it has one.
+    ///
+    /// # Errors
+    /// Those of [`MetricSpec::eval`], and metrics that have no such map.
+    pub fn error_map(&self, image: &Image, reference: &Image) -> Result<ErrorMap, MetricError> {
+        self.check_sizes(image, reference)?;
+        let Some(map) = &self.row.map else {
+            let known: Vec<&str> = METRICS.iter().filter(|m| m.map.is_some()).map(|m| m.name).collect();
+            return Err(MetricError::NoMap { metric: self.row.name, known: known.join(", ") });
+        };
+        let values = match self.tonemap() {
+            Some(on) => (map.eval)(&on.apply(image), &on.apply(reference), self),
+            None => (map.eval)(image, reference, self),
+        };
+        let (width, height) = (image.width, image.height);
+        Ok(ErrorMap { width, height, values, colours: map.colours, top: map.top })
+    }
+
+    /// What `auto` options mean for this reference; empty for metrics without such options.
+    pub fn settled(&self, reference: &Image) -> BTreeMap<String, Value> {
+        self.row.settle.map_or_else(BTreeMap::new, |settle| settle(reference, self))
+    }
+
+    fn check_sizes(&self, image: &Image, reference: &Image) -> Result<(), MetricError> {
         let size = [image.width, image.height];
         if size != [reference.width, reference.height] {
             return Err(MetricError::Size { image: size, reference: [reference.width, reference.height] });
@@ -159,10 +244,7 @@ impl MetricSpec {
         if size.into_iter().any(|side| side < smallest) {
             return Err(MetricError::TooSmall { metric: self.row.name, smallest, image: size });
         }
-        Ok(match self.tonemap() {
-            Some(on) => (self.row.eval)(&on.apply(image), &on.apply(reference), self),
-            None => (self.row.eval)(image, reference, self),
-        })
+        Ok(())
     }
 
     /// The tone map of the option `on`; `None` is linear radiance.
@@ -224,7 +306,8 @@ impl MetricSpec {
 /// The default that a field documents, as a value.
 fn default_of(field: &Field) -> Option<Value> {
     match field.ty {
-        Ty::Num { .. } => field.default.parse().ok().map(Value::number),
+        Ty::Num { .. } | Ty::Int { .. } => field.default.parse().ok().map(Value::number),
+        Ty::OrAuto(_) => Some(Value::from(field.default)),
         Ty::Word(words) => words.iter().find(|w| **w == field.default).map(|w| Value::from(*w)),
         _ => None,
     }

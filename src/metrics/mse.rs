@@ -1,5 +1,6 @@
 //! Mean squared error.
 
+use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
 
@@ -15,4 +16,10 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "MseOptions", doc: "Options of `mse`.", fields: &[ON] },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)),
+    map: Some(PixelMap {
+        eval: |image, reference, _| pixels::each(image, reference, |i, r| (i - r) * (i - r)),
+        colours: Colours::Magma,
+        top: None,
+    }),
+    settle: None,
 };

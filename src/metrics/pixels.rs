@@ -1,4 +1,4 @@
-//! Means over all pixels and channels of two images.
+//! Means over the pixels and channels of two images.
 
 use rayon::prelude::*;
 
@@ -18,4 +18,12 @@ pub fn mean(image: &Image, reference: &Image, f: impl Fn(f64, f64) -> f64 + Sync
         })
         .collect();
     rows.iter().sum::<f64>() / (3 * image.data.len()) as f64
+}
+
+/// The mean of `f(image, reference)` over the channels of each pixel, in row order.
+pub fn each(image: &Image, reference: &Image, f: impl Fn(f64, f64) -> f64 + Sync) -> Vec<f32> {
+    let pixel = |(a, b): (&[f32; 3], &[f32; 3])| {
+        ((0..3).map(|c| f(f64::from(a[c]), f64::from(b[c]))).sum::<f64>() / 3.0) as f32
+    };
+    image.data.par_iter().zip(&reference.data).with_min_len(4096).map(pixel).collect()
 }

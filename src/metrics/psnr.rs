@@ -19,4 +19,6 @@ pub const ROW: MetricRow = MetricRow {
         let mse = pixels::mean(image, reference, |i, r| (i - r) * (i - r));
         10.0 * (range * range / mse).log10()
     },
+    map: None,
+    settle: None,
 };

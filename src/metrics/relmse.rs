@@ -1,5 +1,6 @@
 //! Relative mean squared error.
 
+use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::{Field, Table, Ty};
 
@@ -32,4 +33,13 @@ pub const ROW: MetricRow = MetricRow {
         let eps = spec.number("eps");
         pixels::mean(image, reference, |i, r| (i - r) * (i - r) / (r * r + eps))
     },
+    map: Some(PixelMap {
+        eval: |image, reference, spec| {
+            let eps = spec.number("eps");
+            pixels::each(image, reference, |i, r| (i - r) * (i - r) / (r * r + eps))
+        },
+        colours: Colours::Magma,
+        top: None,
+    }),
+    settle: None,
 };

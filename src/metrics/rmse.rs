@@ -1,5 +1,6 @@
 //! Root mean square error.
 
+use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
 
@@ -15,4 +16,13 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "RmseOptions", doc: "Options of `rmse`.", fields: &[ON] },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)).sqrt(),
+    map: Some(PixelMap {
+        eval: |image, reference, _| {
+            let squares = pixels::each(image, reference, |i, r| (i - r) * (i - r));
+            squares.into_iter().map(f32::sqrt).collect()
+        },
+        colours: Colours::Magma,
+        top: None,
+    }),
+    settle: None,
 };

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON, RANGE};
 use crate::film::Image;
 use crate::value::schema::{Field, Table, Ty};
@@ -38,12 +39,24 @@ pub const ROW: MetricRow = MetricRow {
     eval: |image, reference, spec| {
         let range = spec.number(RANGE.key);
         if is_gauss(spec) {
-            mean_ssim(image, reference, range, gauss_weights(), 1.0)
+            Windows::gauss(image, reference, range).mean()
         } else {
-            let pixels = (UNIFORM * UNIFORM) as f64;
-            mean_ssim(image, reference, range, [1.0 / UNIFORM as f64; UNIFORM], pixels / (pixels - 1.0))
+            Windows::uniform(image, reference, range).mean()
         }
     },
+    map: Some(PixelMap {
+        eval: |image, reference, spec| {
+            let range = spec.number(RANGE.key);
+            if is_gauss(spec) {
+                Windows::gauss(image, reference, range).map()
+            } else {
+                Windows::uniform(image, reference, range).map()
+            }
+        },
+        colours: Colours::Magma,
+        top: Some(1.0),
+    }),
+    settle: None,
 };
 
 /// Side of the uniform window in pixels.
@@ -59,73 +72,137 @@ fn is_gauss(spec: &MetricSpec) -> bool {
     spec.says("window", "gauss")
 }
 
-fn gauss_weights() -> [f64; GAUSS] {
-    let unscaled: [f64; GAUSS] = std::array::from_fn(|i| {
-        let d = (i as f64 - (GAUSS / 2) as f64) / GAUSS_SIGMA;
-        (-0.5 * d * d).exp()
-    });
-    let sum: f64 = unscaled.iter().sum();
-    unscaled.map(|w| w / sum)
-}
-
 /// The weighted moments of one row of windows: E[x], E[y], E[x² + y²] and E[xy], three channels interleaved.
 type Moments = [Vec<f64>; 4];
 
-/// Mean SSIM for the separable window `weights` x `weights`; `bessel` scales variances and covariance.
+/// Values that are filtered together, so that they stay in registers.
+const LANES: usize = 8;
+
+/// Two pictures and the separable window `weights` x `weights` in which they are compared.
 ///
 /// Filters are plain sums of few terms rather than running sums: a firefly that enters and leaves a running sum
 /// leaves its rounding error behind in all later windows.
-fn mean_ssim<const N: usize>(x: &Image, y: &Image, range: f64, weights: [f64; N], bessel: f64) -> f64 {
-    let rows = x.height as usize - N + 1;
-    let bands: Vec<f64> = (0..rows.div_ceil(BAND))
-        .into_par_iter()
-        .map(|band| band_sum(x, y, range, &weights, bessel, band * BAND..((band + 1) * BAND).min(rows)))
-        .collect();
-    let windows = rows * (x.width as usize - N + 1);
-    bands.iter().sum::<f64>() / (3 * windows) as f64
-}
-
-/// The sum of SSIM over the windows whose first rows are `rows`, and over channels.
-fn band_sum<const N: usize>(
-    x: &Image,
-    y: &Image,
-    range: f64,
-    weights: &[f64; N],
+struct Windows<'a, const N: usize> {
+    x: &'a Image,
+    y: &'a Image,
+    weights: [f64; N],
+    /// What the windows' variances and covariances are scaled by.
     bessel: f64,
-    rows: std::ops::Range<usize>,
-) -> f64 {
-    let width = x.width as usize;
-    let values = 3 * (width - N + 1);
-    let empty = |len: usize| -> Moments { std::array::from_fn(|_| vec![0.0; len]) };
-    let mut products = empty(3 * width);
-    let mut filtered: [Moments; N] = std::array::from_fn(|_| empty(values));
-    let mut window = empty(values);
-    let (c1, c2) = ((0.01 * range).powi(2), (0.03 * range).powi(2));
-    let mut sum = 0.0;
-    for row in rows.start..rows.end + N - 1 {
-        let at = row * width..(row + 1) * width;
-        row_products(x.data[at.clone()].as_flattened(), y.data[at].as_flattened(), &mut products);
-        for (out, product) in filtered[row % N].iter_mut().zip(&products) {
-            out.fill(0.0);
-            for (j, w) in weights.iter().enumerate() {
-                accumulate(out, &product[3 * j..3 * j + values], *w);
-            }
-        }
-        let Some(first) = (row + 1).checked_sub(N).filter(|first| *first >= rows.start) else { continue };
-        for (m, out) in window.iter_mut().enumerate() {
-            out.fill(0.0);
-            for (j, w) in weights.iter().enumerate() {
-                accumulate(out, &filtered[(first + j) % N][m], *w);
-            }
-        }
-        sum += row_ssim(&window, c1, c2, bessel);
-    }
-    sum
+    /// The constants of the paper, C1 and C2.
+    c: [f64; 2],
 }
 
-fn accumulate(out: &mut [f64], input: &[f64], weight: f64) {
-    for (o, i) in out.iter_mut().zip(input) {
-        *o += weight * i;
+impl<'a> Windows<'a, UNIFORM> {
+    fn uniform(x: &'a Image, y: &'a Image, range: f64) -> Self {
+        let pixels = (UNIFORM * UNIFORM) as f64;
+        let weights = [1.0 / UNIFORM as f64; UNIFORM];
+        Windows { x, y, weights, bessel: pixels / (pixels - 1.0), c: constants(range) }
+    }
+}
+
+impl<'a> Windows<'a, GAUSS> {
+    fn gauss(x: &'a Image, y: &'a Image, range: f64) -> Self {
+        let unscaled: [f64; GAUSS] = std::array::from_fn(|i| {
+            let d = (i as f64 - (GAUSS / 2) as f64) / GAUSS_SIGMA;
+            (-0.5 * d * d).exp()
+        });
+        let sum: f64 = unscaled.iter().sum();
+        Windows { x, y, weights: unscaled.map(|w| w / sum), bessel: 1.0, c: constants(range) }
+    }
+}
+
+fn constants(range: f64) -> [f64; 2] {
+    [(0.01 * range).powi(2), (0.03 * range).powi(2)]
+}
+
+impl<const N: usize> Windows<'_, N> {
+    /// Rows of windows that lie wholly inside.
+    fn rows(&self) -> usize {
+        self.x.height as usize - N + 1
+    }
+
+    /// Windows in a row.
+    fn columns(&self) -> usize {
+        self.x.width as usize - N + 1
+    }
+
+    /// The mean over all windows and channels. Rows are added in order, whatever the number of threads.
+    fn mean(&self) -> f64 {
+        let rows = self.rows();
+        let bands: Vec<f64> = (0..rows.div_ceil(BAND))
+            .into_par_iter()
+            .map(|band| {
+                let mut sum = 0.0;
+                self.visit(band * BAND..((band + 1) * BAND).min(rows), |moments| {
+                    let values = (0..3 * self.columns()).map(|i| self.similarity(moments, i));
+                    sum += values.sum::<f64>();
+                });
+                sum
+            })
+            .collect();
+        bands.iter().sum::<f64>() / (3 * rows * self.columns()) as f64
+    }
+
+    /// 1 - SSIM of the window around every pixel, mean over channels; at the border, of the nearest window.
+    fn map(&self) -> Vec<f32> {
+        let (width, rows, columns) = (self.x.width as usize, self.rows(), self.columns());
+        let mut windows = vec![0.0; rows * columns];
+        windows.par_chunks_mut(BAND * columns).enumerate().for_each(|(band, values)| {
+            let mut lines = values.chunks_exact_mut(columns);
+            self.visit(band * BAND..((band + 1) * BAND).min(rows), |moments| {
+                for (i, value) in lines.next().into_iter().flatten().enumerate() {
+                    let similarity = (0..3).map(|c| self.similarity(moments, 3 * i + c)).sum::<f64>() / 3.0;
+                    *value = (1.0 - similarity) as f32;
+                }
+            });
+        });
+        let nearest = |at: usize, count: usize| at.saturating_sub(N / 2).min(count - 1);
+        let pixels = (0..self.x.data.len()).map(|i| nearest(i / width, rows) * columns + nearest(i % width, columns));
+        pixels.map(|window| windows[window]).collect()
+    }
+
+    /// Shows the moments of the windows whose first rows are `rows`, row by row.
+    fn visit(&self, rows: std::ops::Range<usize>, mut each: impl FnMut(&Moments)) {
+        let width = self.x.width as usize;
+        let stride = (3 * self.columns()).next_multiple_of(LANES);
+        let empty = |len: usize| -> Moments { std::array::from_fn(|_| vec![0.0; len]) };
+        let mut products = empty(stride + 3 * (N - 1));
+        let mut filtered: [Moments; N] = std::array::from_fn(|_| empty(stride));
+        let mut window = empty(stride);
+        for row in rows.start..rows.end + N - 1 {
+            let at = row * width..(row + 1) * width;
+            row_products(self.x.data[at.clone()].as_flattened(), self.y.data[at].as_flattened(), &mut products);
+            for (out, product) in filtered[row % N].iter_mut().zip(&products) {
+                self.weigh(out, |j, at| &product[3 * j + at..]);
+            }
+            let Some(first) = (row + 1).checked_sub(N).filter(|first| *first >= rows.start) else { continue };
+            for (m, out) in window.iter_mut().enumerate() {
+                self.weigh(out, |j, at| &filtered[(first + j) % N][m][at..]);
+            }
+            each(&window);
+        }
+    }
+
+    /// The weighted sum of `N` lines: `line(j, at)` is what stands from position `at` of line `j`.
+    fn weigh<'l>(&self, out: &mut [f64], line: impl Fn(usize, usize) -> &'l [f64]) {
+        for (i, chunk) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+            let mut sum = [0.0; LANES];
+            for (j, w) in self.weights.iter().enumerate() {
+                for (s, v) in sum.iter_mut().zip(&line(j, i * LANES)[..LANES]) {
+                    *s += w * v;
+                }
+            }
+            *chunk = sum;
+        }
+    }
+
+    /// SSIM of one window and channel.
+    fn similarity(&self, [mx, my, squares, xy]: &Moments, at: usize) -> f64 {
+        let (mx, my, [c1, c2]) = (mx[at], my[at], self.c);
+        let (mean2, product) = (mx * mx + my * my, mx * my);
+        let variances = self.bessel * (squares[at] - mean2);
+        let covariance = self.bessel * (xy[at] - product);
+        (2.0 * product + c1) * (2.0 * covariance + c2) / ((mean2 + c1) * (variances + c2))
     }
 }
 
@@ -137,18 +214,6 @@ fn row_products(x: &[f32], y: &[f32], [px, py, squares, xy]: &mut Moments) {
         squares[i] = x * x + y * y;
         xy[i] = x * y;
     }
-}
-
-fn row_ssim([mx, my, squares, xy]: &Moments, c1: f64, c2: f64, bessel: f64) -> f64 {
-    let windows = mx.iter().zip(my).zip(squares.iter().zip(xy));
-    windows
-        .map(|((mx, my), (squares, xy))| {
-            let (mean2, product) = (mx * mx + my * my, mx * my);
-            let variances = bessel * (squares - mean2);
-            let covariance = bessel * (xy - product);
-            (2.0 * product + c1) * (2.0 * covariance + c2) / ((mean2 + c1) * (variances + c2))
-        })
-        .sum()
 }
 
 #[cfg(test)]
@@ -182,5 +247,24 @@ mod tests {
         let (tall, small) = (spec.eval(&a, &b).unwrap(), spec.eval(&short(&a), &short(&b)).unwrap());
         assert!((tall - small).abs() < 1e-12, "{tall} {small}");
         assert!(small < 0.9, "{small}");
+    }
+
+    #[test]
+    fn the_map_has_the_value_inside_and_repeats_it_at_the_border() {
+        let wave = |x: u32, y: u32, shift: u32| ((x * 5 + y * 3 + shift) % 13) as f32 / 13.0;
+        let a = Image::from_fn(19, 60, |x, y| [wave(x, y, 0), wave(x, y, 1), 0.5]);
+        let b = Image::from_fn(19, 60, |x, y| [wave(x, y, 2), wave(x, y, 1), 0.4]);
+        for window in ["uniform", "gauss"] {
+            let options = BTreeMap::from([("window".to_owned(), window.into())]);
+            let spec = MetricSpec::new("ssim", "ssim", options).unwrap();
+            let r = (spec.row.smallest)(&spec) / 2;
+            let map = spec.error_map(&a, &b).unwrap();
+            let at = |x: u32, y: u32| f64::from(map.values[(y * 19 + x) as usize]);
+            let inside: Vec<f64> =
+                (r..60 - r).flat_map(|y| (r..19 - r).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
+            let mean = 1.0 - inside.iter().sum::<f64>() / inside.len() as f64;
+            assert!((mean - spec.eval(&a, &b).unwrap()).abs() < 1e-7, "{window}");
+            assert_eq!((at(0, 0), at(18, 30)), (at(r, r), at(18 - r, 30)));
+        }
     }
 }

@@ -151,10 +151,16 @@ fn decimal(x: f32) -> Value {
     Value::number(x.to_string().parse().unwrap_or(f64::from(x)))
 }
 
-/// The sRGB transfer curve [IEC 61966-2-1] after a clamp to 0..=1.
-fn srgb(x: f32) -> f32 {
+/// The display value in 0..=1 of linear light: the sRGB transfer curve [IEC 61966-2-1] after a clamp to 0..=1.
+pub fn srgb(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The linear light in 0..=1 of an sRGB display value, after a clamp to 0..=1: the inverse of [`srgb`].
+pub fn srgb_light(v: f32) -> f32 {
+    let v = v.clamp(0.0, 1.0);
+    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 fn reinhard(x: f32, power: f32) -> f32 {

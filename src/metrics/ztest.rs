@@ -3,6 +3,11 @@
 //! Pixels of a path tracer are far from normal: most samples are black and few are bright. Sums over square blocks are
 //! nearly normal once enough samples are expected to have found light, so blocks are compared and those too dark for a
 //! test of their own are taken together as one.
+//!
+//! What remains of the skew is taken off by comparing square roots: a picture that found less light than it should have
+//! also believes in too small a variance, because both come from the same finds, and `(a - b) / sigma` would then cry
+//! wolf far too often at the small levels that many comparisons ask for. The square root of a sum of finds has nearly
+//! the same variance whatever their number; where the noise is small beside the mean nothing changes.
 
 use crate::film::Image;
 use crate::math::stats::{normal_two_sided_p, sidak};
@@ -27,16 +32,22 @@ pub struct ZTest {
     pub worst_at: Option<[u32; 2]>,
     /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
     pub ratio: f64,
-    /// Deviate of the difference of those sums.
+    /// Deviate of the difference of those sums, of the channel in which it is greatest: channels share their noise, so
+    /// they must not be added up as if each told something new.
     pub z: f64,
 }
 
 impl ZTest {
     /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests, over all blocks
-    /// [Sidak 1967]. The deviate of the sums counts as one comparison more.
+    /// [Sidak 1967]. The deviates of the three channels' sums are comparisons too.
     pub fn agrees(&self, alpha: f64, tests: usize) -> bool {
-        let each = sidak(alpha, (self.comparisons + 1) * tests.max(1));
+        let each = self.level(alpha, tests);
         self.worst_p > each && normal_two_sided_p(self.z) > each
+    }
+
+    /// The significance of each comparison when `alpha` is shared among `tests` such tests.
+    pub fn level(&self, alpha: f64, tests: usize) -> f64 {
+        sidak(alpha, (self.comparisons + 3) * tests.max(1))
     }
 }
 
@@ -44,39 +55,46 @@ impl ZTest {
 struct Sums {
     first: f64,
     second: f64,
-    variance: f64,
+    /// Of `first` and of `second`.
+    variance: [f64; 2],
 }
+
+/// Two pictures without noise may still differ by the rounding of single precision.
+const ROUNDING: f64 = 1e-5;
 
 impl Sums {
     fn add(&mut self, other: Sums) {
         self.first += other.first;
         self.second += other.second;
-        self.variance += other.variance;
+        self.variance = [0, 1].map(|i| self.variance[i] + other.variance[i]);
     }
 
     fn z(&self) -> f64 {
         let difference = self.first - self.second;
-        if self.variance > 0.0 {
-            difference / self.variance.sqrt()
-        } else if difference.abs() <= 1e-5 * self.second.abs() {
-            // Two exact pictures may still differ by the rounding of single precision.
+        let [v1, v2] = self.variance;
+        if difference.abs() <= ROUNDING * self.second.abs() {
             0.0
+        } else if self.first >= 0.0 && self.second >= 0.0 {
+            let relative = |sum: f64, variance: f64| if sum > 0.0 { variance / sum } else { 0.0 };
+            let sigma = (relative(self.first, v1) + relative(self.second, v2)).sqrt();
+            2.0 * (self.first.sqrt() - self.second.sqrt()) / sigma
         } else {
-            f64::INFINITY
+            difference / (v1 + v2).sqrt()
         }
     }
 }
 
 /// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the second picture is
-/// below `bright_enough` are pooled.
+/// below `bright_enough` are pooled; where all of them together are below it in both pictures, nothing is said of them.
 ///
-/// Pixels right of and below the last whole block are left out.
+/// Blocks at the right and lower edge hold what is left.
 ///
 /// # Panics
 /// When the sizes differ.
 pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> ZTest {
     assert_eq!([first.mean.width, first.mean.height], [second.mean.width, second.mean.height], "sizes differ");
-    let [columns, rows] = [first.mean.width / block, first.mean.height / block];
+    let [width, height] = [first.mean.width, first.mean.height];
+    let [columns, rows] = [width, height].map(|side| side.div_ceil(block));
     let mut found = ZTest { comparisons: 0, worst_p: 1.0, worst_at: None, ratio: f64::NAN, z: 0.0 };
     let mut judge = |sums: &Sums, at: Option<[u32; 2]>| {
         found.comparisons += 1;
@@ -86,27 +104,30 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
         }
     };
     let mut dark = [Sums::default(); 3];
-    let mut whole = Sums::default();
+    let mut whole = [Sums::default(); 3];
     for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
-        for c in 0..3 {
+        for (c, (dark, whole)) in dark.iter_mut().zip(&mut whole).enumerate() {
             let mut sums = Sums::default();
-            for (x, y) in (0..block * block).map(|i| (bx * block + i % block, by * block + i / block)) {
+            let inside = |(x, y): &(u32, u32)| *x < width && *y < height;
+            for (x, y) in (0..block * block).map(|i| (bx * block + i % block, by * block + i / block)).filter(inside) {
                 sums.add(Sums {
                     first: f64::from(first.mean.at(x, y)[c]),
                     second: f64::from(second.mean.at(x, y)[c]),
-                    variance: f64::from(first.variance.at(x, y)[c]) + f64::from(second.variance.at(x, y)[c]),
+                    variance: [first, second].map(|e| f64::from(e.variance.at(x, y)[c])),
                 });
             }
             whole.add(sums);
             if sums.second >= bright_enough {
                 judge(&sums, Some([bx * block, by * block]));
             } else {
-                dark[c].add(sums);
+                dark.add(sums);
             }
         }
     }
-    dark.iter().filter(|sums| sums.first != 0.0 || sums.second != 0.0).for_each(|sums| judge(sums, None));
-    ZTest { ratio: whole.first / whole.second, z: whole.z(), ..found }
+    dark.iter().filter(|sums| sums.first.max(sums.second) >= bright_enough).for_each(|sums| judge(sums, None));
+    let [first, second] = [|s: &Sums| s.first, |s: &Sums| s.second].map(|of| whole.iter().map(of).sum::<f64>());
+    let z = whole.iter().map(Sums::z).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default();
+    ZTest { ratio: first / second, z, ..found }
 }
 
 #[cfg(test)]
@@ -150,6 +171,17 @@ mod tests {
     }
 
     #[test]
+    fn channels_that_share_their_noise_count_once() {
+        let grey = |seed| {
+            let image = noisy(seed, 0.0);
+            Image::from_fn(80, 60, |x, y| [image.at(x, y)[0]; 3])
+        };
+        let beyond = |seed: &u32| test(&grey(*seed), &constant(1.0), 0.01).z.abs() > 1.96;
+        let count = (0..200).filter(beyond).count();
+        assert!((2..=20).contains(&count), "{count} of 200, 10 are expected");
+    }
+
+    #[test]
     fn a_wrong_block_is_found_and_placed() {
         let mut image = noisy(8, 0.0);
         for y in 20..30 {
@@ -160,6 +192,45 @@ mod tests {
         let t = test(&image, &constant(1.0), 0.01);
         assert!(!t.agrees(0.01, 1));
         assert_eq!(t.worst_at, Some([50, 20]));
+    }
+
+    /// Pictures of finds of one size, `expected` on average in every block of 10 x 10 pixels.
+    fn found(seed: u32, expected: f32) -> (Image, Image) {
+        let rate = expected / 100.0;
+        let image = Image::from_fn(80, 60, |x, y| {
+            [0, 1, 2].map(|c| (0..64).filter(|i| unit(pcg4d([x, y, c * 64 + i, seed])[0]) < rate / 64.0).count() as f32)
+        });
+        let variance = image.clone();
+        (image, variance)
+    }
+
+    #[test]
+    fn rare_finds_do_not_cry_wolf_at_small_levels() {
+        // 300 pictures of 144 blocks with 50 finds each: at 1e-4, 4.3 blocks of all should be called different. The
+        // plain deviate calls several times as many.
+        let truth = constant(0.5);
+        let zero = constant(0.0);
+        let mut alarms = 0;
+        for seed in 0..300 {
+            let (image, variance) = found(seed, 50.0);
+            let first = Estimate { mean: &image, variance: &variance };
+            let t = compare(first, Estimate { mean: &truth, variance: &zero }, 10, 1.0);
+            alarms += usize::from(t.worst_p < 1e-4);
+        }
+        assert!(alarms <= 12, "{alarms} of 300");
+    }
+
+    #[test]
+    fn what_is_too_dark_to_be_judged_is_not() {
+        let (image, variance) = found(3, 0.002);
+        let zero = constant(0.0);
+        let first = Estimate { mean: &image, variance: &variance };
+        assert_eq!(compare(first, Estimate { mean: &zero, variance: &zero }, 10, 50.0).comparisons, 0);
+        let bright = constant(1.0);
+        let first = Estimate { mean: &bright, variance: &bright };
+        let t = compare(first, Estimate { mean: &zero, variance: &zero }, 10, 50.0);
+        assert_eq!(t.comparisons, 3, "light where there should be none is judged");
+        assert!(!t.agrees(0.01, 1), "{t:?}");
     }
 
     #[test]

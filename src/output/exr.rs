@@ -1,19 +1,19 @@
 //! OpenEXR: linear `f32` RGB with metadata as text attributes.
 //!
-//! Written files are scan lines with ZIP compression in blocks of 16 lines, and equal input gives equal bytes. Read
-//! files may have any compression that the `exr` crate knows, half, float or integer samples, tiles and alpha.
+//! Written files are scan lines with ZIP compression in blocks of 16 lines, and equal input gives equal bytes. Reading
+//! is [`openexr`]'s, which scenes need too.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{
-    Compression, Encoding, Image as ExrImage, Layer, LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers,
-    SpecificChannels, WritableImage, read,
+    Compression, Encoding, Image as ExrImage, Layer, LayerAttributes, LineOrder, SpecificChannels, WritableImage,
 };
 
 use super::{OutputError, check_shape};
 use crate::film::Image;
+use crate::scene::load::openexr;
 
 /// Prefix of our attributes' names, so that none can be mistaken for one of the format's own.
 const PREFIX: &str = "lumbre.";
@@ -81,40 +81,13 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
 /// # Errors
 /// Anything that is not an EXR with RGB channels, is damaged, or has more than 2^28 pixels.
 pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputError> {
-    let fail = |reason: String| OutputError::ExrRead { reason };
-    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| fail(e.to_string()))?.headers;
-    for size in headers.iter().map(|h| h.layer_size) {
-        if size.0.checked_mul(size.1).is_none_or(|pixels| pixels > MAX_PIXELS) {
-            return Err(fail(format!("{}x{} pixels are more than the limit of {MAX_PIXELS}", size.0, size.1)));
-        }
-    }
-    let file = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .rgb_channels(
-            |size, _| Image::new(size.0 as u32, size.1 as u32),
-            |image: &mut Image, at, (r, g, b): (f32, f32, f32)| {
-                let width = image.width as usize;
-                image.data[at.1 * width + at.0] = [r, g, b];
-            },
-        )
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| fail(e.to_string()))?;
-    let attributes = file.attributes.other.iter().chain(&file.layer_data.attributes.other);
-    let meta: BTreeMap<String, String> = attributes
-        .filter_map(|(name, value)| match value {
-            AttributeValue::Text(text) => {
-                let name = String::from_utf8_lossy(name.as_slice()).into_owned();
-                let key = name.strip_prefix(PREFIX).map(str::to_owned).unwrap_or(name);
-                Some((key, String::from_utf8_lossy(text.as_slice()).into_owned()))
-            }
-            _ => None,
-        })
-        .collect();
-    Ok((file.layer_data.channel_data.pixels, meta.into_iter().collect()))
+    let (image, texts) = openexr::decode(bytes, MAX_PIXELS).map_err(|reason| OutputError::ExrRead { reason })?;
+    let without_prefix = |(name, text): (String, String)| match name.strip_prefix(PREFIX) {
+        Some(key) => (key.to_owned(), text),
+        None => (name, text),
+    };
+    let meta: BTreeMap<String, String> = texts.into_iter().map(without_prefix).collect();
+    Ok((image, meta.into_iter().collect()))
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
+use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
@@ -66,6 +66,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         fov_deg: 60.0,
         aperture: 0.0,
         focus_distance: None,
+        optics: Optics::default(),
     };
     Cell {
         id: RunId(format!("run{index:02}")),
@@ -82,6 +83,8 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             resolution: Some([64, 36]),
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            films: Vec::new(),
+            sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),
         }),
@@ -91,6 +94,8 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             camera,
             materials: Vec::new(),
             entities: Vec::new(),
+            lights: Vec::new(),
+            environment: None,
         }),
         stop: StopRule::Samples(64),
         reference: None,

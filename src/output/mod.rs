@@ -5,6 +5,8 @@
 
 pub mod exr;
 mod labels;
+pub mod layer;
+pub mod picture;
 pub mod plot;
 pub mod png;
 pub mod summary;
@@ -20,6 +22,12 @@ pub enum OutputError {
     #[error("cannot read this EXR: {reason}")]
     ExrRead {
         /// What the decoder says.
+        reason: String,
+    },
+    /// A picture that cannot be read.
+    #[error("cannot read this picture: {reason}")]
+    PictureRead {
+        /// What is wrong with it.
         reason: String,
     },
     /// An image that cannot become an EXR.

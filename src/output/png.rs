@@ -2,6 +2,7 @@
 
 use super::{OutputError, check_shape};
 use crate::film::Image;
+use crate::metrics::map::ErrorMap;
 use crate::metrics::tonemap::Tonemap;
 
 /// The bytes of an 8-bit RGB PNG of `image` behind `tonemap`, marked as sRGB, with every pair of `meta` as a text
@@ -14,6 +15,18 @@ pub fn encode(image: &Image, tonemap: Tonemap, meta: &[(String, String)]) -> Res
     let display = tonemap.apply(image);
     let bytes: Vec<u8> = display.data.as_flattened().iter().map(|x| (x * 255.0).round() as u8).collect();
     encode_bytes([image.width, image.height], png::ColorType::Rgb, &bytes, meta)
+}
+
+/// The bytes of an 8-bit RGB PNG of an error map in its colours, stretched over `scale`, with `meta` as in [`encode`].
+///
+/// # Errors
+/// Those of [`encode`].
+pub fn encode_map(map: &ErrorMap, scale: [f32; 2], meta: &[(String, String)]) -> Result<Vec<u8>, OutputError> {
+    let (width, height, pixels) = (map.width, map.height, map.values.len());
+    if pixels == 0 || pixels != width as usize * height as usize {
+        return Err(OutputError::Shape { width, height, pixels });
+    }
+    encode_bytes([width, height], png::ColorType::Rgb, map.coloured(scale).as_flattened(), meta)
 }
 
 /// The PNG of 8-bit samples in row order, already in the sRGB transfer curve.
@@ -83,6 +96,17 @@ mod tests {
         let utf8 = &info.utf8_text[0];
         assert_eq!((utf8.keyword.as_str(), utf8.get_text().unwrap().as_str()), ("note", "σ = 0.5"));
         assert!(info.srgb.is_some());
+    }
+
+    #[test]
+    fn error_maps_are_written_in_their_colours() {
+        let colours = crate::metrics::map::Colours::Magma;
+        let mut map = ErrorMap { width: 3, height: 1, values: vec![0.0, 1.0, f32::NAN], colours, top: None };
+        let bytes = encode_map(&map, [0.0, 1.0], &pairs(&[("metric", "mae")])).unwrap();
+        let decoded = image::load_from_memory(&bytes).unwrap().to_rgb8().into_raw();
+        assert_eq!(decoded, [0, 0, 4, 252, 253, 191, 0, 255, 0]);
+        map.height = 2;
+        assert!(matches!(encode_map(&map, [0.0, 1.0], &[]), Err(OutputError::Shape { .. })));
     }
 
     #[test]

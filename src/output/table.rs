@@ -120,6 +120,7 @@ fn sample(plan: &Plan, value: &TableValue, rows: &[WaveRow]) -> Option<Sample> {
             let reached = |row: &&WaveRow| match (row.metrics.get(index), metric.row.better) {
                 (Some(x), Better::Lower) => x <= threshold,
                 (Some(x), Better::Higher) => x >= threshold,
+                (Some(x), Better::NearZero) => x.abs() <= *threshold,
                 (None, _) => false,
             };
             rows.iter().find(reached).map_or(Sample::NeverIn(last.render_s), |row| Sample::Value(row.render_s))
@@ -178,7 +179,11 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
         TableValue::MpathsPerS => "Million camera paths per second of render time".to_owned(),
         TableValue::TimeTo { column, threshold } => match labels::column(plan, column) {
             Some((_, m)) => {
-                let sign = if m.row.better == Better::Lower { '≤' } else { '≥' };
+                let sign = match m.row.better {
+                    Better::Lower => "≤",
+                    Better::Higher => "≥",
+                    Better::NearZero => "of either sign ≤",
+                };
                 format!("Render time in seconds until a measurement first had {} {sign} {threshold}", described(m))
             }
             None => format!("Render time until `{column}`, which is not measured"),

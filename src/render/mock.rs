@@ -25,7 +25,14 @@ pub const ROW: BackendRow = BackendRow {
     name: "mock",
     doc: "Analytic convergence on a fake clock, for testing experiments without rendering.",
     probe: || Ok("a fake clock of 10 million paths per second".into()),
-    open: |scene, job| Ok(Box::new(MockRenderer::new(scene, job))),
+    // It knows neither paths nor surfaces.
+    layers: false,
+    open: |scene, job| {
+        if !job.layers.is_empty() {
+            return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
+        }
+        Ok(Box::new(MockRenderer::new(scene, job)))
+    },
 };
 
 /// A run of the mock backend.
@@ -139,9 +146,10 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::scene::desc::CameraDesc;
+    use crate::scene::desc::{CameraDesc, Optics};
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
+    use crate::transport::sampler::INDEPENDENT;
 
     fn scene() -> Arc<CompiledScene> {
         Arc::new(CompiledScene {
@@ -152,6 +160,10 @@ mod tests {
             materials: Vec::new(),
             textures: Vec::new(),
             emitters: Vec::new(),
+            points: Vec::new(),
+            directionals: Vec::new(),
+            environment: None,
+            tangents: Vec::new(),
             camera: CameraDesc {
                 position: Vec3::Z,
                 target: Vec3::ZERO,
@@ -159,6 +171,7 @@ mod tests {
                 fov_deg: 40.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],
@@ -174,6 +187,8 @@ mod tests {
             max_depth: 5,
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            layers: Vec::new(),
+            sampler: INDEPENDENT,
             seed,
             threads: 1,
         }

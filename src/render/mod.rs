@@ -10,9 +10,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::film::Film;
+use crate::film::layer::{Layer, LayerFilm};
 use crate::scene::CompiledScene;
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
 /// Everything besides the scene that decides a picture.
@@ -30,6 +32,10 @@ pub struct Job {
     pub rr_start: Option<u32>,
     /// Pixel filter.
     pub filter: FilterSpec,
+    /// The layers to fill besides the picture; none cost nothing.
+    pub layers: Vec<Layer>,
+    /// Where the numbers of samples come from.
+    pub sampler: &'static SamplerRow,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
@@ -47,9 +53,10 @@ pub struct WaveStats {
     pub paths: u64,
     /// Rays traced.
     pub rays: u64,
-    /// Samples whose value was NaN or infinite; they count as black and are never silently dropped.
+    /// Samples and splats whose value was NaN or infinite, and splats that do not fit into their sums; they count as
+    /// black and are never silently dropped.
     pub invalid: u64,
-    /// Column, row and sample index of the first such sample.
+    /// Column, row and sample index of the first such sample, or of the first that traced such a splat.
     pub first_invalid: Option<[u64; 3]>,
 }
 
@@ -96,6 +103,17 @@ pub trait Renderer: Send {
     /// The sums so far.
     fn film(&self) -> &Film;
 
+    /// The films of the layers that the job asked for, in the order of [`LAYERS`](crate::film::layer::LAYERS); empty
+    /// if it asked for none.
+    fn layers(&self) -> &[LayerFilm] {
+        &[]
+    }
+
+    /// The sums so far of film `index` of [`Renderer::layers`]; `None` if there is no such film.
+    fn layer(&self, _index: usize) -> Option<Film> {
+        None
+    }
+
     /// What opening cost.
     fn open_stats(&self) -> &OpenStats;
 }
@@ -111,6 +129,8 @@ pub struct BackendRow {
     pub doc: &'static str,
     /// Whether this machine can use it, and on what; the text is the device or the reason why not.
     pub probe: fn() -> Result<String, String>,
+    /// Whether it can fill layers. If not, a plan that asks it for some is refused.
+    pub layers: bool,
     /// Starts a run.
     pub open: OpenFn,
 }

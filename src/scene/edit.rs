@@ -1,13 +1,25 @@
 //! `set "materials.egg.roughness" = v`: the only door for sweeps into a scene.
 //!
-//! Three tables say everything that can be set: [`SCENE_PARAMS`], [`ENTITY_PARAMS`] and the material table
-//! ([`MATERIAL_PARAMS`]). Names of materials and entities may hold dots: the last part of a path is the parameter.
+//! Tables say everything that can be set: [`SCENE_PARAMS`], [`ENTITY_PARAMS`], [`LIGHT_PARAMS`],
+//! [`ENVIRONMENT_PARAMS`] and the material table ([`MATERIAL_PARAMS`]). Names of materials, entities and lights may hold
+//! dots: the last part of a path is the parameter. Textures are set by slot ([`TextureSlot::name`]) to a file, or to an
+//! empty text for none.
+
+mod lights;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
 
 use glam::Vec3;
 
+pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam};
+
+use super::desc::material::MaterialParam;
 use super::desc::{
-    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, MaterialDesc, SceneDesc, ShapeDesc,
+    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, SceneDesc, ShapeDesc, TextureSlot,
 };
+use super::load;
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
 
@@ -35,14 +47,32 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
     SceneParam {
         path: "camera.fov",
         ty: Ty::Num { min: 0.01, max: 179.0 },
-        doc: "Vertical field of view in degrees.",
+        doc: "Vertical field of view in degrees; sensor_height and focal_length together decide it instead.",
         set_checked: |s, v| s.camera.fov_deg = scalar(v),
     },
     SceneParam {
         path: "camera.aperture",
         ty: Ty::Num { min: 0.0, max: 1e6 },
-        doc: "Diameter of the lens in scene units; 0 is a pinhole.",
-        set_checked: |s, v| s.camera.aperture = scalar(v),
+        doc: "Diameter of the lens in scene units; 0 is a pinhole. Replaces an f_number of the scene.",
+        set_checked: |s, v| (s.camera.aperture, s.camera.optics.f_number) = (scalar(v), None),
+    },
+    SceneParam {
+        path: "camera.f_number",
+        ty: Ty::Num { min: 1e-3, max: 1e6 },
+        doc: "Focal length over the diameter of the lens, which replaces an aperture of the scene.",
+        set_checked: |s, v| s.camera.optics.f_number = Some(scalar(v)),
+    },
+    SceneParam {
+        path: "camera.focal_length",
+        ty: Ty::Num { min: 1e-9, max: 1e6 },
+        doc: "Focal length in scene units, at which the sensor stands behind the lens.",
+        set_checked: |s, v| s.camera.optics.focal_length = Some(scalar(v)),
+    },
+    SceneParam {
+        path: "camera.sensor_height",
+        ty: Ty::Num { min: 1e-9, max: 1e6 },
+        doc: "Height of the sensor in scene units.",
+        set_checked: |s, v| s.camera.optics.sensor_height = Some(scalar(v)),
     },
     SceneParam {
         path: "camera.focus_distance",
@@ -136,6 +166,13 @@ pub const ENTITY_PARAMS: &[EntityParam] = &[
         applies: |_| true,
         set_checked: |e, v| e.material = v.as_str().map(str::to_owned),
     },
+    EntityParam {
+        name: "anisotropic_direction",
+        ty: Ty::Nums { len: 3, min: -1e6, max: 1e6 },
+        doc: "Replaces the material's direction of anisotropy on this entity; world space.",
+        applies: |_| true,
+        set_checked: |e, v| e.anisotropic_direction = Some(vector(v)),
+    },
 ];
 
 fn item(v: &Value, i: usize) -> f64 {
@@ -151,10 +188,12 @@ fn vector(v: &Value) -> Vec3 {
 }
 
 /// Sets one value by its path: one of [`SCENE_PARAMS`], `materials.NAME.PARAM`, `materials.*.PARAM` (every material
-/// that emits nothing), or `entities.NAME.PARAM`.
+/// that emits nothing), `entities.NAME.PARAM`, `lights.NAME.PARAM` or `environment.PARAM`. `PARAM` of a material is also
+/// a texture slot, whose value is a file relative to the current folder.
 ///
 /// # Errors
-/// A path that names nothing in the scene, with the nearest name; a value of the wrong kind or out of range.
+/// A path that names nothing in the scene, with the nearest name; a value of the wrong kind or out of range; a texture
+/// that cannot be read.
 pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), SchemaError> {
     if let Some(row) = SCENE_PARAMS.iter().find(|row| row.path == path) {
         let key = path.rsplit('.').next().unwrap_or(path);
@@ -169,6 +208,8 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
     match head {
         "materials" => set_material(desc, path, rest, value),
         "entities" => set_entity(desc, path, rest, value),
+        "lights" => lights::set_light(desc, path, rest, value),
+        "environment" => lights::set_environment(desc, path, rest, value),
         "camera" => {
             let known = SCENE_PARAMS.iter().filter_map(|row| row.path.strip_prefix("camera."));
             Err(unknown_key(path, rest, known))
@@ -177,11 +218,42 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
     }
 }
 
+/// Makes all changes of a sweep, in the order of their paths, and looks whether the camera that they make contradicts
+/// itself.
+///
+/// # Errors
+/// Those of [`set`]; an aperture and an f-number in the same changes; a field of view where sensor and focal length decide
+/// it; an f-number without a focal length.
+pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<(), SchemaError> {
+    changes.iter().try_for_each(|(path, value)| set(desc, path, value))?;
+    let optics = desc.camera.optics;
+    let said = |key: &str| changes.contains_key(&format!("camera.{key}"));
+    let fail = |key: &str, text: &str, help: &str| {
+        let mut e = problem(&format!("camera.{key}"), key, text.to_owned());
+        e.help = Some(help.to_owned());
+        Err(e)
+    };
+    if said("aperture") && said("f_number") {
+        return fail("f_number", "there is an `aperture` as well", "the lens has either a diameter or an f-number");
+    }
+    if said("fov") && optics.focal_length.is_some() && optics.sensor_height.is_some() {
+        return fail("fov", "`sensor_height` and `focal_length` decide it", "change one of them instead");
+    }
+    if said("f_number") && desc.camera.lacks_focal_length() {
+        return fail(
+            "f_number",
+            "it says nothing without a `focal_length`",
+            "or a `sensor_height`, from which it follows",
+        );
+    }
+    Ok(())
+}
+
 /// The first parts of all paths, each once.
 fn heads() -> Vec<&'static str> {
     let mut heads: Vec<&str> = SCENE_PARAMS.iter().map(|row| row.path.split('.').next().unwrap_or(row.path)).collect();
     heads.dedup();
-    heads.extend(["materials", "entities"]);
+    heads.extend(["materials", "entities", "lights", "environment"]);
     heads
 }
 
@@ -197,20 +269,51 @@ fn name_and_param<'a>(path: &str, rest: &'a str, what: &str) -> Result<(&'a str,
     })
 }
 
+/// The names of everything that a material has.
+fn material_params() -> impl Iterator<Item = &'static str> + Clone {
+    MATERIAL_PARAMS.iter().map(|row| row.name).chain(TextureSlot::ALL.into_iter().map(TextureSlot::name))
+}
+
 fn set_material(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Result<(), SchemaError> {
     let (name, param) = name_and_param(path, rest, "materials")?;
-    let find_row = || MATERIAL_PARAMS.iter().find(|row| row.name == param);
-    let unknown_param = || unknown_name(path, param, "material parameter", MATERIAL_PARAMS.iter().map(|row| row.name));
-    if name == ALL_MATERIALS {
-        let row = find_row().ok_or_else(unknown_param)?;
-        row.ty.check(path, param, value)?;
-        let dark = |m: &&mut MaterialDesc| m.emission == Vec3::ZERO;
-        return desc.materials.iter_mut().filter(dark).try_for_each(|m| row.set(m, path, value));
+    let change = match (MATERIAL_PARAMS.iter().find(|row| row.name == param), TextureSlot::from_name(param)) {
+        (Some(row), _) => {
+            row.ty.check(path, param, value)?;
+            Change::Param(row)
+        }
+        (None, Some(slot)) => {
+            Ty::Str.check(path, param, value)?;
+            Change::Texture(slot)
+        }
+        (None, None) => return Err(unknown_name(path, param, "material parameter", material_params())),
+    };
+    let rows: Vec<usize> = if name == ALL_MATERIALS {
+        (0..desc.materials.len()).filter(|i| desc.materials[*i].emission == Vec3::ZERO).collect()
+    } else {
+        let unknown = || unknown_name(path, name, "material", desc.materials.iter().map(|m| m.name.as_str()));
+        vec![desc.material_row(name).ok_or_else(unknown)?]
+    };
+    match change {
+        Change::Param(row) => rows.into_iter().try_for_each(|i| row.set(&mut desc.materials[i], path, value)),
+        Change::Texture(slot) => {
+            let file = value.as_str().unwrap_or_default();
+            let texture = if file.is_empty() {
+                None
+            } else {
+                // What a texture's file could not have said exactly is noted where a scene names it, not here.
+                let read = load::texture(Path::new(file), &mut Vec::new());
+                Some(Arc::new(read.map_err(|e| problem(path, param, e.to_string()))?))
+            };
+            rows.into_iter().for_each(|i| desc.materials[i].set_texture(slot, texture.clone()));
+            Ok(())
+        }
     }
-    match desc.material_row(name) {
-        Some(i) => find_row().ok_or_else(unknown_param)?.set(&mut desc.materials[i], path, value),
-        None => Err(unknown_name(path, name, "material", desc.materials.iter().map(|m| m.name.as_str()))),
-    }
+}
+
+/// What an edit of a material changes.
+enum Change {
+    Param(&'static MaterialParam),
+    Texture(TextureSlot),
 }
 
 fn set_entity(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Result<(), SchemaError> {
@@ -244,10 +347,11 @@ fn set_entity(desc: &mut SceneDesc, path: &str, rest: &str, value: &Value) -> Re
 pub fn paths(desc: &SceneDesc) -> Vec<String> {
     let mut paths: Vec<String> = SCENE_PARAMS.iter().map(|row| row.path.to_owned()).collect();
     let materials = std::iter::once(ALL_MATERIALS).chain(desc.materials.iter().map(|m| m.name.as_str()));
-    paths.extend(materials.flat_map(|m| MATERIAL_PARAMS.iter().map(move |row| format!("materials.{m}.{}", row.name))));
+    paths.extend(materials.flat_map(|m| material_params().map(move |name| format!("materials.{m}.{name}"))));
     for e in &desc.entities {
         let rows = ENTITY_PARAMS.iter().filter(|row| (row.applies)(&e.shape));
         paths.extend(rows.map(|row| format!("entities.{}.{}", e.name, row.name)));
     }
+    paths.extend(lights::paths(desc));
     paths
 }

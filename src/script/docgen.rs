@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::api::{ApiFn, FUNCTIONS, Param, experiment, measure, render, report, stop};
+use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
-use crate::metrics::{Better, METRICS};
-use crate::scene::desc::MATERIAL_PARAMS;
+use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use crate::transport::integrator::INTEGRATORS;
-use crate::value::schema::{Field, Table, Ty};
+use crate::value::schema::{AUTO, Field, Table, Ty};
 
 /// The tables of options, in the order of the annotations; tables inside them come before them.
 const TABLES: &[&Table] = &[
@@ -104,7 +104,7 @@ fn render_changes(out: &mut String, integrators: &[&str]) {
 fn nested(out: &mut String, written: &mut BTreeSet<&'static str>, ty: &Ty) {
     match ty {
         Ty::Table(table) => class(out, written, table, "", &[]),
-        Ty::List(inner) | Ty::OneOrMany(inner) => nested(out, written, inner),
+        Ty::List(inner) | Ty::OneOrMany(inner) | Ty::OrAuto(inner) => nested(out, written, inner),
         _ => {}
     }
 }
@@ -148,6 +148,7 @@ fn lua_type(ty: &Ty) -> String {
         Ty::Nums { .. } => "number[]".to_owned(),
         Ty::List(item) => format!("({})[]", lua_type(item)),
         Ty::OneOrMany(item) => format!("{0}|({0})[]", lua_type(item)),
+        Ty::OrAuto(item) => format!("{}|\"{AUTO}\"", lua_type(item)),
         Ty::Table(table) => table.name.to_owned(),
         Ty::Object(name) | Ty::Any(name) => (*name).to_owned(),
     }
@@ -163,11 +164,7 @@ fn constructors(out: &mut String, written: &mut BTreeSet<&'static str>) {
     }
     out.push_str("metric = {}\n\n");
     for row in METRICS {
-        let better = match row.better {
-            Better::Lower => "lower is better",
-            Better::Higher => "higher is better",
-        };
-        line(out, format_args!("---{}: {} ({better})", row.long_name, row.doc));
+        line(out, format_args!("---{}: {} ({} is better)", row.long_name, row.doc, row.better));
         line(out, format_args!("---@param options? {}", row.options.name));
         line(out, format_args!("---@return Metric"));
         line(out, format_args!("function metric.{}(options) end\n", row.name));
@@ -207,6 +204,15 @@ fn material_paths(out: &mut String) {
     out.push_str("-- Paths of materials for `set`, as in set = { [\"materials.egg.ior\"] = 1.5 }:\n");
     for param in MATERIAL_PARAMS {
         line(out, format_args!("--   materials.NAME.{}: {}; {}", param.name, param.ty.describe(), param.doc));
+    }
+    for slot in TextureSlot::ALL {
+        line(
+            out,
+            format_args!(
+                "--   materials.NAME.{}: a file relative to the current folder or else to the script's, \"\" for none",
+                slot.name()
+            ),
+        );
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{layout, rows};
+use super::{FILMS, layout, rows};
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
@@ -90,11 +90,16 @@ impl History for Archive {
     }
 }
 
-/// A finished run, if the folder holds one: its last file is there and says so, its picture is there, and its
-/// measurements can be read and have the columns that are asked for.
+/// A finished run, if the folder holds one: its last file is there and says so, its picture and the films that it names
+/// are there, and its measurements can be read and have the columns that are asked for.
 fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[String]) -> Option<FinishedRun> {
     let done = read_json(&folder.join(marker))?;
     if done["run"].as_str() != Some(id) || !folder.join(picture).is_file() {
+        return None;
+    }
+    let names = done["films"].as_array().into_iter().flatten();
+    let film = |name: &Json| name.as_str().is_some_and(|n| folder.join(FILMS).join(format!("{n}.exr")).is_file());
+    if !names.clone().all(film) {
         return None;
     }
     let (found, rows) = rows::parse(&fs::read_to_string(folder.join("metrics.csv")).ok()?).ok()?;

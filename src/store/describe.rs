@@ -5,7 +5,6 @@ use serde_json::{Map, Value as Json, json};
 use super::layout;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point};
-use crate::transport::camera::FilterKind;
 use crate::value::Value;
 
 /// A whole plan: names, hash, axes, every cell with its point and identity, references, what was left out, notes.
@@ -91,10 +90,7 @@ fn point_json(point: &Point) -> Json {
 
 /// A `render` table with the keys that scripts use.
 fn config_json(config: &CellConfig) -> Json {
-    let kind = match config.filter.kind {
-        FilterKind::Box => "box",
-        FilterKind::Gauss => "gauss",
-    };
+    let kind = config.filter.kind.name();
     json!({
         "scene": config.scene,
         "scene_file": config.scene_file.display().to_string(),
@@ -104,6 +100,8 @@ fn config_json(config: &CellConfig) -> Json {
         "resolution": config.resolution,
         "rr_start": config.rr_start,
         "aa": { "filter": kind, "radius": config.filter.radius },
+        "films": config.films.iter().map(|layer| layer.row().name).collect::<Vec<_>>(),
+        "sampler": config.sampler,
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,
     })

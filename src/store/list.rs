@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value as Json;
 
 use super::archive::{first_invalid, read_json};
-use super::{StoreError, journal, layout, rows};
+use super::{FILMS, StoreError, journal, layout, rows};
 use crate::experiment::WaveRow;
 
 /// How far a run is.
@@ -135,6 +135,12 @@ fn text(json: &Json) -> String {
     json.as_str().unwrap_or_default().to_owned()
 }
 
+/// Name and size of a file; nothing of a folder.
+fn file(entry: &fs::DirEntry, folder: &str) -> Option<(String, u64)> {
+    let facts = entry.metadata().ok().filter(fs::Metadata::is_file)?;
+    Some((format!("{folder}{}", entry.file_name().to_string_lossy()), facts.len()))
+}
+
 /// Everything that a run's folder says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunRecord {
@@ -197,9 +203,9 @@ fn record(folder: &Path) -> Result<RunRecord, StoreError> {
     let first_invalid = done.as_ref().and_then(first_invalid);
     rows.iter_mut().filter(|r| r.invalid > 0).for_each(|r| r.first_invalid = first_invalid);
     let entries = fs::read_dir(folder).map_err(|e| StoreError::io("read", folder, &e))?.flatten();
-    let mut files: Vec<(String, u64)> = entries
-        .filter_map(|e| Some((e.file_name().to_string_lossy().into_owned(), e.metadata().ok()?.len())))
-        .collect();
+    let mut files: Vec<(String, u64)> = entries.filter_map(|e| file(&e, "")).collect();
+    let films = fs::read_dir(folder.join(FILMS)).into_iter().flatten().flatten();
+    files.extend(films.filter_map(|e| file(&e, &format!("{FILMS}/"))));
     files.sort();
     Ok(RunRecord { folder: folder.to_owned(), config, done, columns, rows, files })
 }

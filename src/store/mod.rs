@@ -3,7 +3,8 @@
 //! ```text
 //! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
 //!   experiment.lua plan.json env.json journal.jsonl lock summary.csv figures/ tables/
-//!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png done.json
+//!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
+//!                                    films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png ref.json
 //! ```
 //!
@@ -33,7 +34,7 @@ pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
 pub use host::{Host, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
-pub use run::RunWriter;
+pub use run::{FILMS, RunWriter};
 pub use write::{atomic, probe};
 
 /// Why the store cannot do what it was asked.

@@ -9,6 +9,9 @@ use serde_json::Value as Json;
 use super::{StoreError, rows, write};
 use crate::experiment::WaveRow;
 
+/// The folder of a run's layers inside the run's own.
+pub const FILMS: &str = "films";
+
 /// Writes one run's files. Its last act is [`RunWriter::finish`]; without it the run counts as not done.
 #[derive(Debug)]
 pub struct RunWriter {
@@ -23,7 +26,9 @@ impl RunWriter {
     pub(super) fn create(folder: PathBuf, config: &Json) -> Result<RunWriter, StoreError> {
         let writer = RunWriter::shared(folder, "done.json", config)?;
         let entries = fs::read_dir(&writer.folder).map_err(|e| StoreError::io("read", &writer.folder, &e))?;
-        for path in entries.flatten().map(|e| e.path()).filter(|p| is_result(p)) {
+        let films = fs::read_dir(writer.folder.join(FILMS)).into_iter().flatten();
+        let old = entries.flatten().map(|e| e.path()).filter(|p| is_result(p));
+        for path in old.chain(films.flatten().map(|e| e.path()).filter(|p| is_film(p))) {
             fs::remove_file(&path).map_err(|e| StoreError::io("remove", &path, &e))?;
         }
         Ok(writer)
@@ -116,6 +121,12 @@ fn is_result(path: &Path) -> bool {
     let snapshot = name.starts_with("snap-") && name.ends_with(".exr");
     let fixed = ["done.json", "metrics.csv", "log.txt", "final.exr", "final.png"].contains(&name);
     path.is_file() && (snapshot || fixed || write::is_temporary(name))
+}
+
+/// Whether a file in the folder of layers is one of ours.
+fn is_film(path: &Path) -> bool {
+    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+    path.is_file() && (name.ends_with(".exr") || name.ends_with(".png") || write::is_temporary(name))
 }
 
 /// JSON for people, with a line end.

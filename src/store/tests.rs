@@ -15,7 +15,7 @@ use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
 use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
+use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
@@ -36,6 +36,8 @@ fn config() -> Arc<CellConfig> {
         resolution: Some([8, 8]),
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        films: Vec::new(),
+        sampler: "independent".to_owned(),
         set: Default::default(),
         backend: "mock".into(),
     })
@@ -49,8 +51,17 @@ fn scene() -> Arc<SceneDesc> {
         fov_deg: 40.0,
         aperture: 0.0,
         focus_distance: None,
+        optics: Optics::default(),
     };
-    Arc::new(SceneDesc { resolution: [8, 8], max_depth: 5, camera, materials: vec![], entities: vec![] })
+    Arc::new(SceneDesc {
+        resolution: [8, 8],
+        max_depth: 5,
+        camera,
+        materials: vec![],
+        entities: vec![],
+        lights: vec![],
+        environment: None,
+    })
 }
 
 /// A plan whose cells have the given ids, none with a reference, and one rendered reference.
@@ -148,6 +159,35 @@ fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
     }
     fs::write(run.join("done.json"), "{\"run\": \"aa1").unwrap();
     assert_eq!(store.done(&plan, CellRef::Cell(0)), None);
+}
+
+#[test]
+fn films_belong_to_a_run_and_go_with_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let start = || {
+        let mut run = store.start(&plan, CellRef::Cell(0)).unwrap();
+        run.open_metrics(&[]).unwrap();
+        run.write("final.exr", b"I\x01").unwrap();
+        run
+    };
+    let run = start();
+    run.write("films/depth-9.exr", b"of a run that was cut off").unwrap();
+    drop(run);
+    let run = start();
+    run.write("films/depth-1.exr", b"I\x01").unwrap();
+    let folder = run.folder().to_owned();
+    run.finish(&serde_json::json!({ "run": "aa11", "films": ["depth-1"] })).unwrap();
+
+    let shown = read_run(dir.path(), &folder.to_string_lossy()).unwrap();
+    let films: Vec<&str> = shown.files.iter().map(|(name, _)| name.as_str()).filter(|n| n.contains('/')).collect();
+    assert_eq!(films, ["films/depth-1.exr"], "what the first try left is gone");
+    assert!(!shown.files.iter().any(|(name, _)| name == "films"), "a folder is no file");
+
+    assert!(store.done(&plan, CellRef::Cell(0)).is_some());
+    fs::remove_file(folder.join("films/depth-1.exr")).unwrap();
+    assert_eq!(store.done(&plan, CellRef::Cell(0)), None, "a film is missing");
 }
 
 fn only_run_of(store: &Store, id: &str) -> PathBuf {

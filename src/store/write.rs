@@ -16,7 +16,8 @@ const TEMP_SUFFIX: &str = ".tmp";
 /// When the folder cannot be created or the file cannot be written; nothing is then left under the final name but
 /// what was there before.
 pub fn atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
+    // The parent of a bare file name is empty, which no folder is called.
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(folder).map_err(|e| StoreError::io("create", folder, &e))?;
     let attempt = || -> std::io::Result<()> {
         let mut file = temporary(folder)?;

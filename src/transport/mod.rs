@@ -21,8 +21,10 @@
 //! | f_r, f_t | [`bsdf::Bsdf::eval`] |
 //! | p(omega) | `pdf_w` |
 //! | p(x) | `pdf_a` |
-//! | eta = n_i / n_t | `eta` |
-//! | k | [`contribution::Contribution::depth`] |
+//! | eta = n_2 / n_1, the side entered over the side left | `eta` |
+//! | k = s + t - 1 | [`contribution::Contribution::depth`] |
+//!
+//! docs/transport.md maps every symbol of the sources, and lists what of them is corrected.
 //!
 //! # Bibliography
 //! [Kajiya 1986] The Rendering Equation. [Veach 1997] Robust Monte Carlo Methods for Light Transport Simulation.
@@ -31,19 +33,27 @@
 //! Watertight Ray/Triangle Intersection. [Haines et al. 2019] Precision Improvements for Ray/Sphere Intersection.
 //! [Burley 2015] Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering. [Schlick 1994] An
 //! Inexpensive BRDF Model for Physically-based Rendering. [Heitz 2019] A Low-Distortion Map Between Triangle and Square.
-//! [Giles 2010] Approximating the erfinv Function.
+//! [Giles 2010] Approximating the erfinv Function. [Harris 1978] On the Use of Windows for Harmonic Analysis with the
+//! Discrete Fourier Transform. [Burley 2020] Practical Hash-based Owen Scrambling. [Owen 1995] Randomly Permuted
+//! (t,m,s)-Nets and (t,s)-Sequences. [Sobol 1967] On the Distribution of Points in a Cube. [Joe & Kuo
+//! 2008] Constructing Sobol Sequences with Better Two-Dimensional Projections. [Laine & Karras 2011] Stratified Sampling
+//! for Stochastic Transparency. [Burley 2012] Physically
+//! Based Shading at Disney. [Walter et al. 2007] Microfacet Models for Refraction through Rough Surfaces. [Heitz 2014]
+//! Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. [Heitz 2018] Sampling the GGX Distribution of
+//! Visible Normals. [Dupuy & Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] M. Vives,
+//! "shading_position.hlls", a gist of the user pixnblox on GitHub (5e64b0724c186313bc7b6ce096b08820), which section 3.3 of
+//! the second source cites as [10]; undated there.
 
 pub mod bsdf;
 pub mod camera;
 pub mod contribution;
 pub mod integrator;
 pub mod light;
+pub mod mis;
 pub mod ray;
 pub mod sampler;
 pub mod surface;
-
-/// A hit where the mask texture's red channel is below this is no hit (annex A of the `.scn` format).
-pub const MASK_THRESHOLD: f32 = 0.5;
+pub mod vertex;
 
 /// Russian roulette never lets a path survive with a probability above this, so that every path ends.
 pub const MAX_SURVIVAL: f32 = 0.95;

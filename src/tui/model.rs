@@ -195,7 +195,7 @@ impl Model {
                 current.heard_s = at_s;
                 current.running = true;
             }
-            Event::CellFinished { cell, outcome, film: _, rows } => {
+            Event::CellFinished { cell, outcome, film: _, layers: _, rows } => {
                 let Some(entry) = self.entry_mut(*cell) else { return };
                 entry.state = match outcome {
                     Outcome::Done(reason) => State::Done(words::clean(reason)),

@@ -42,6 +42,8 @@ pub enum Ty {
     List(&'static Ty),
     /// One item of the given type, or a list of them.
     OneOrMany(&'static Ty),
+    /// The word `auto`, or a value of the given type.
+    OrAuto(&'static Ty),
     /// A nested table with its own schema.
     Table(&'static Table),
     /// A function or another script object whose meaning the script room checks itself; the text is its LuaLS type.
@@ -49,6 +51,9 @@ pub enum Ty {
     /// Anything; the text is its LuaLS type.
     Any(&'static str),
 }
+
+/// The word of [`Ty::OrAuto`].
+pub const AUTO: &str = "auto";
 
 /// One field of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -192,6 +197,8 @@ impl Ty {
                 items.iter().enumerate().try_for_each(|(i, v)| item.check(&format!("{path}[{}]", i + 1), key, v))
             }
             (Ty::OneOrMany(item), _) => item.check(path, key, value),
+            (Ty::OrAuto(_), Value::Str(word)) if word == AUTO => Ok(()),
+            (Ty::OrAuto(item), Value::Int(_) | Value::Num(_)) => item.check(path, key, value),
             (Ty::Table(table), Value::Map(map)) => table.check(path, map),
             // An empty Lua table is a list; it is also a table in which nothing was said.
             (Ty::Table(table), Value::List(items)) if items.is_empty() => table.check(path, &BTreeMap::new()),
@@ -213,6 +220,7 @@ impl Ty {
             }
             Ty::List(item) => format!("a list, each item {}", item.describe()),
             Ty::OneOrMany(item) => format!("{} or a list of such", item.describe()),
+            Ty::OrAuto(item) => format!("{} or \"{AUTO}\"", item.describe()),
             Ty::Table(t) => format!("a table ({})", t.name),
             Ty::Object(name) | Ty::Any(name) => (*name).to_owned(),
         }

@@ -94,3 +94,25 @@ fn an_out_that_cannot_be_written_is_found_before_rendering() {
     let said = refused(&place, &["run", "night.lua", "--out", "taken/below"]);
     assert!(said.contains("cannot write to taken/below"), "{said}");
 }
+
+#[test]
+fn a_missing_texture_is_an_error_unless_lenient() {
+    let place = Workplace::new();
+    let scene = place.read("ball.scn").replacen(
+        "\"name\": \"grey\",",
+        "\"name\": \"grey\", \"albedotexture\": \"gone.png\",",
+        1,
+    );
+    place.write("ball.scn", &scene);
+    for verb in ["check", "plan", "run"] {
+        let file = if verb == "check" { "ball.scn" } else { "night.lua" };
+        let said = refused(&place, &[verb, file]);
+        assert!(said.contains("material `grey`") && said.contains("gone.png"), "{verb}: {said}");
+        let ended = place.run(&[verb, file, "--lenient"]);
+        let said = ended.stdout + &ended.stderr;
+        assert!(
+            ended.status == 0 && said.contains("gone.png") && said.contains("scalar value is used"),
+            "{verb}: {said}"
+        );
+    }
+}

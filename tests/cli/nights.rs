@@ -188,3 +188,92 @@ fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
     place.succeed(&["run", "night.lua", "-q"]);
     assert_eq!(place.finished().len(), 4);
 }
+
+#[test]
+fn layers_are_kept_beside_the_picture() {
+    let place = Workplace::new();
+    let script = |films: &str| {
+        format!(
+            r#"
+local x = experiment("layers", {{ seed = 7 }})
+x:render(function(p)
+  return {{ scene = "ball.scn", integrator = "nee", max_depth = 2, resolution = {{ 24, 16 }}, films = {films} }}
+end)
+x:reference {{ from = function(p) return {{ integrator = "bpt" }} end, stop = stop.samples(4) }}
+x:measure {{ rmse = metric.rmse() }}
+x:stop(stop.samples(8))
+return x
+"#
+        )
+    };
+    place.write("layers.lua", &script(r#"{ "strategies", "depth", "normal", "depth" }"#));
+    let plan = place.succeed(&["plan", "layers.lua"]);
+    assert!(plan.stdout.contains("layers take up to "), "{}", plan.stdout);
+    place.succeed(&["run", "layers.lua", "-q"]);
+    let (done, _) = place.finished().remove(0);
+    let folder = done.trim_end_matches("/done.json");
+    let films = [
+        "depth-1",
+        "depth-2",
+        "strategies-s0-t2-weighted",
+        "strategies-s0-t2-raw",
+        "strategies-s1-t1-weighted",
+        "strategies-s1-t1-raw",
+        "strategies-s0-t3-weighted",
+        "strategies-s0-t3-raw",
+        "strategies-s1-t2-weighted",
+        "strategies-s1-t2-raw",
+        "strategies-s2-t1-weighted",
+        "strategies-s2-t1-raw",
+        "normal",
+    ];
+    assert_eq!(place.json(&done)["films"], serde_json::json!(films));
+    let files = place.files("out");
+    let kept = |end: &str| files.iter().filter(|f| f.contains("/films/") && f.ends_with(end)).count();
+    assert_eq!((kept(".exr"), kept(".png")), (13, 13 + 3), "and three sheets; the reference has none");
+    let shown = place.succeed(&["show", folder]);
+    assert!(shown.stdout.contains("films/depth-2.exr") && shown.stdout.contains("films/pyramid-raw.png"));
+
+    let read = |name: &str| {
+        let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
+        lumbre::output::exr::decode(&bytes).unwrap()
+    };
+    let (whole, _) = read("final");
+    let ((first, facts), (second, _)) = (read("films/depth-1"), read("films/depth-2"));
+    assert!(facts.contains(&("lumbre.film".to_owned(), "depth-1".to_owned())), "{facts:?}");
+    for ((a, b), sum) in first.data.iter().zip(&second.data).zip(&whole.data) {
+        assert!((0..3).all(|c| (a[c] + b[c] - sum[c]).abs() <= 1e-5 * sum[c]));
+    }
+
+    // The same films in another order are the same run; other films are another run of the same reference.
+    place.write("layers.lua", &script(r#"{ "normal", "depth", "strategies" }"#));
+    assert!(place.succeed(&["run", "layers.lua"]).stderr.contains("nothing to do"));
+    place.write("layers.lua", &script(r#""depth""#));
+    place.succeed(&["run", "layers.lua", "-q"]);
+    assert_eq!(place.files("out").iter().filter(|f| f.ends_with("/ref.json")).count(), 1);
+    assert_eq!(place.finished().len(), 2);
+}
+
+#[test]
+fn layers_that_cannot_be_had_are_refused_while_planning() {
+    let place = Workplace::new();
+    let with = |fields: &str| {
+        place.write(
+            "t.lua",
+            &format!(
+                "local x = experiment(\"t\", {{ seed = 1 }})\nx:render(function(p)\n  return {{ scene = \"ball.scn\", \
+                 integrator = \"bpt\", {fields} }}\nend)\nx:stop(stop.samples(1))\nreturn x\n"
+            ),
+        );
+        let ended = place.run(&["run", "t.lua"]);
+        assert_eq!(ended.status, 2, "{}", ended.stderr);
+        // Lines are broken where the terminal ends.
+        ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let error = with(r#"films = "depths""#);
+    assert!(error.contains("did you mean `depth`"), "{error}");
+    let error = with(r#"films = "depth", backend = "mock""#);
+    assert!(error.contains("cannot fill layers"), "{error}");
+    let error = with(r#"films = "strategies", max_depth = 50, resolution = { 4096, 4096 }"#);
+    assert!(error.contains("8 GiB") && error.contains("lower max_depth"), "{error}");
+}

@@ -91,6 +91,11 @@ fn the_schema_is_printed_for_editors_and_for_programs() {
         assert!(!tables[table].as_array().unwrap().is_empty(), "{table}");
     }
     assert_eq!(tables["integrators"][0]["name"], "bpt");
+    for row in tables["integrators"].as_array().unwrap().iter().filter(|row| row["name"] != "bpt") {
+        let fields = row["params"]["fields"].as_array().unwrap();
+        let select = fields.iter().find(|f| f["key"] == "select").unwrap();
+        assert_eq!(select["default"], "power", "{}: lights are chosen", row["name"]);
+    }
 }
 
 #[test]
@@ -105,6 +110,28 @@ fn the_doctor_names_backends_cores_and_terminal() {
     assert_eq!(facts["out"]["writable"], true);
     assert_eq!(facts["terminal"]["stdout"], false);
     assert!(!place.path("out").exists());
+}
+
+#[test]
+fn the_bench_measures_every_integrator_and_keeps_the_figures() {
+    let place = Workplace::new();
+    place.write("ball.scn", super::verify::SCENE);
+    let ended = place.succeed(&["bench", "ball.scn", "--only", "--repeats", "3"]);
+    let kept = place.json("out/bench.json");
+    assert_eq!((&kept["repeats"], &kept["relative_rmse"]), (&3.into(), &0.05.into()));
+    let [scene] = &kept["scenes"].as_array().unwrap()[..] else { panic!("{kept}") };
+    assert_eq!(scene["scene"], "ball.scn");
+    for name in lumbre::transport::integrator::INTEGRATORS.iter().map(|row| row.name) {
+        let figures = &scene["integrators"][name];
+        assert!(figures["mpaths_per_s"].as_f64().unwrap() > 0.0 && figures["spread"].as_f64().unwrap() >= 0.0);
+        let variance = figures["variance"].as_f64();
+        assert_eq!(figures["efficiency"].is_number(), variance.is_some(), "{figures}");
+        let row = ended.stdout.lines().find(|line| line.starts_with("ball") && line.contains(name)).unwrap();
+        assert_eq!(row.ends_with(" -"), variance.is_none(), "{row}");
+    }
+    assert!(scene["integrators"]["nee"]["variance"].is_number(), "{scene}");
+    assert!(place.fail(2, &["bench", "--only"]).contains("SCENES"));
+    assert!(place.fail(2, &["bench", "none.scn", "--only"]).contains("none.scn"));
 }
 
 #[test]
@@ -124,7 +151,7 @@ fn every_verb_explains_itself() {
     let place = Workplace::new();
     let whole = place.succeed(&["--help"]).stdout;
     assert!(whole.contains("Exit codes") && whole.contains("NO_COLOR"), "{whole}");
-    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "bench", "completions", "man"];
+    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "verify", "bench", "completions", "man"];
     for verb in verbs {
         assert!(whole.contains(&format!("\n  {verb} ")), "{verb} is not listed: {whole}");
         let help = place.succeed(&[verb, "--help"]).stdout;

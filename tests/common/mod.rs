@@ -8,13 +8,36 @@ use glam::{Vec2, Vec3};
 use lumbre::film::Film;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Emitter, Material, NONE, Sphere, Texture, TriangleAttributes};
-use lumbre::scene::desc::CameraDesc;
+use lumbre::scene::compile::{
+    DirectionalLight, Emitter, Environment, MaskMode, Material, Model, NONE, PointLight, Sphere, Texture,
+    TriangleAttributes, UvMap,
+};
+use lumbre::scene::desc::{CameraDesc, Optics};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
+use lumbre::transport::sampler::INDEPENDENT;
 
-/// A white, opaque, dielectric material that emits nothing.
+/// A white, opaque, ideal material that emits nothing.
 pub const WHITE: Material = Material {
+    model: Model::Lambert,
+    subsurface: 0.0,
+    specular_tint: 0.0,
+    anisotropic: 0.0,
+    anisotropic_direction: Vec3::ZERO,
+    sheen: 0.0,
+    sheen_tint: 0.0,
+    clearcoat: 0.0,
+    clearcoat_gloss: 1.0,
+    smooth_below: 0.01,
+    normal_strength: 1.0,
+    mask_threshold: 0.5,
+    mask_mode: MaskMode::Threshold,
+    shadow_terminator: false,
+    roughness_texture: NONE,
+    metallic_texture: NONE,
+    opacity_texture: NONE,
+    anisotropic_texture: NONE,
+    normal_texture: NONE,
     base_color: Vec3::ONE,
     emission: Vec3::ZERO,
     roughness: 1.0,
@@ -24,7 +47,7 @@ pub const WHITE: Material = Material {
     base_color_texture: NONE,
     emission_texture: NONE,
     mask_texture: NONE,
-    tiling: 1.0,
+    tiling: UvMap::IDENTITY,
     emitter_reflects: true,
 };
 
@@ -46,22 +69,39 @@ pub struct SceneBuilder {
 impl SceneBuilder {
     /// An empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
-        let camera = CameraDesc { position, target, up: Vec3::Y, fov_deg, aperture: 0.0, focus_distance: None };
+        let camera = CameraDesc {
+            position,
+            target,
+            up: Vec3::Y,
+            fov_deg,
+            aperture: 0.0,
+            focus_distance: None,
+            optics: Optics::default(),
+        };
         SceneBuilder {
             scene: CompiledScene {
                 content_hash: [0; 32],
                 triangles: Vec::new(),
                 attributes: Vec::new(),
+                tangents: Vec::new(),
                 spheres: Vec::new(),
                 materials: Vec::new(),
                 textures: Vec::new(),
                 emitters: Vec::new(),
+                points: Vec::new(),
+                directionals: Vec::new(),
+                environment: None,
                 camera,
                 bounds: [Vec3::ZERO; 2],
                 resolution: [16, 16],
                 max_depth: 5,
             },
         }
+    }
+
+    /// How many triangles there are so far.
+    pub fn triangle_count(&self) -> usize {
+        self.scene.triangles.len()
     }
 
     /// Adds a texture and returns its index.
@@ -126,6 +166,29 @@ impl SceneBuilder {
         self
     }
 
+    /// A change to what is there so far.
+    pub fn with(mut self, change: impl FnOnce(&mut CompiledScene)) -> SceneBuilder {
+        change(&mut self.scene);
+        self
+    }
+
+    /// A point that shines.
+    pub fn point(self, position: Vec3, intensity: Vec3) -> SceneBuilder {
+        self.with(|s| s.points.push(PointLight { position, intensity }))
+    }
+
+    /// Parallel light that travels in a direction.
+    pub fn directional(self, direction: Vec3, irradiance: Vec3) -> SceneBuilder {
+        let direction = direction.try_normalize().expect("a direction");
+        self.with(|s| s.directionals.push(DirectionalLight { direction, irradiance }))
+    }
+
+    /// Light from outside: a map turned by an angle, or the colour from everywhere.
+    pub fn environment(self, map: Option<Texture>, radiance: Vec3, rotation_deg: f32) -> SceneBuilder {
+        let rotation_rad = rotation_deg.to_radians();
+        self.with(|s| s.environment = Some(Environment { map: map.map(Arc::new), radiance, rotation_rad }))
+    }
+
     /// The finished scene.
     pub fn build(self) -> Arc<CompiledScene> {
         Arc::new(self.scene)
@@ -141,6 +204,8 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
         max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        layers: Vec::new(),
+        sampler: INDEPENDENT,
         seed,
         threads: 0,
     }

@@ -18,7 +18,7 @@ use lumbre::film::{Film, Image};
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::render::mock::MockRenderer;
-use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc, Transform};
+use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform};
 use lumbre::scene::{Note, SceneDesc, SceneError};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::value::Value;
@@ -151,6 +151,8 @@ pub fn config() -> CellConfig {
         resolution: Some([8, 4]),
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        films: Vec::new(),
+        sampler: "independent".to_owned(),
         set: BTreeMap::new(),
         backend: "mock".into(),
     }
@@ -174,14 +176,18 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             fov_deg: 40.0,
             aperture: 0.0,
             focus_distance: None,
+            optics: Optics::default(),
         },
         materials: vec![egg],
         entities: vec![EntityDesc {
             name: "ball".into(),
             transform: Transform::default(),
             material: Some("egg".into()),
+            anisotropic_direction: None,
             shape: ShapeDesc::Sphere { radius: 1.0 },
         }],
+        lights: vec![],
+        environment: None,
     };
     let note = Note { file: file.to_owned(), place: "fog".into(), message: "left out".into() };
     Ok((scene, vec![note]))

@@ -7,6 +7,7 @@ use lumbre::experiment::spec::{
     CellConfig, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat, TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
+use lumbre::film::layer::Layer;
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::transport::camera::FilterKind;
@@ -81,6 +82,9 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("integrator's parameters", |p| {
             p.config.params.insert("mis".into(), "balance".into());
         }),
+        ("choice of lights", |p| {
+            p.config.params.insert("select".into(), "area".into());
+        }),
         ("depth", |p| p.config.max_depth = Some(6)),
         ("depth of the scene", |p| p.config.max_depth = None),
         ("resolution", |p| both(p, |c| c.resolution = Some([4, 8]))),
@@ -89,7 +93,15 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("roulette at once", |p| p.config.rr_start = Some(0)),
         ("filter", |p| p.config.filter.kind = FilterKind::Gauss),
         ("filter radius", |p| p.config.filter.radius = 0.75),
+        ("sampler", |p| p.config.sampler = "sobol".into()),
         ("backend", |p| p.config.backend = "cpu".into()),
+        ("layers", |p| {
+            // The mock has none.
+            (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth]);
+        }),
+        ("other layers", |p| {
+            (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth, Layer::Albedo]);
+        }),
         ("seed", |p| p.lab.spec.seed = 2),
         ("stop", |p| p.stop = StopRule::Samples(17)),
         ("stop of another kind", |p| p.stop = StopRule::Waves(16)),
@@ -114,6 +126,7 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("snapshots", |p| p.lab.spec.measure.snapshots = Snapshots::Pow2),
         ("reference's depth", |p| p.reference_config.max_depth = Some(9)),
         ("reference's filter", |p| p.reference_config.filter.radius = 0.75),
+        ("reference's sampler", |p| p.reference_config.sampler = "sobol".into()),
         ("reference's stop", |p| p.reference_stop = StopRule::Samples(8192)),
     ];
     let ids: Vec<(&str, String)> = changes.iter().map(|(name, change)| (*name, ids(*change).0)).collect();

@@ -327,6 +327,7 @@ fn a_renderer_gets_the_job_of_its_cell() {
         let mut config = config();
         config.rr_start = Some(4);
         config.filter.radius = 0.75;
+        config.sampler = "sobol".to_owned();
         config.params.insert("x".into(), Value::Int(1));
         config.resolution = None;
         config.max_depth = None;
@@ -343,6 +344,7 @@ fn a_renderer_gets_the_job_of_its_cell() {
     assert_eq!(name, "mock");
     assert_eq!((job.integrator.name, job.resolution, job.max_depth), ("bpt", [32, 16], 7));
     assert_eq!((job.rr_start, job.filter.radius, job.seed, job.threads), (Some(4), 0.75, plan.cells[0].seed, 1));
+    assert_eq!(job.sampler.name, "sobol");
     assert_eq!(job.params["x"], Value::Int(1));
 }
 

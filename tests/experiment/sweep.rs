@@ -297,7 +297,8 @@ fn an_estimate_counts_every_run_once() {
     let plan = lab.plan();
     let references = 3.0 * 4096.0 * 32.0;
     let whole = plan.estimate(&|_| true);
-    let expected = Estimate { by_time: 1, seconds: 30.0, by_samples: 4, paths: references + 3200.0, unbounded: 1 };
+    let expected =
+        Estimate { by_time: 1, seconds: 30.0, by_samples: 4, paths: references + 3200.0, unbounded: 1, layer_bytes: 0 };
     assert_eq!(whole, expected);
     let left = plan.estimate(&|cell| cell == CellRef::Cell(1));
     assert_eq!(left, Estimate { by_samples: 1, paths: 3200.0, ..Estimate::default() });

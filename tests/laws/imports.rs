@@ -18,7 +18,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("obvhs", &["render/cpu"]),
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
-    ("exr", &["output"]),
+    ("exr", &["output", "scene/load"]),
     ("png", &["output"]),
     ("tobj", &["scene"]),
 ];

@@ -8,6 +8,7 @@ use lumbre::render::BACKENDS;
 use lumbre::scene::desc::MATERIAL_PARAMS;
 use lumbre::scene::load::FORMATS;
 use lumbre::transport::integrator::INTEGRATORS;
+use lumbre::transport::sampler::{SAMPLERS, sampler};
 use lumbre::value::schema::{Field, Table, Ty};
 
 fn snake_case(name: &str) -> bool {
@@ -52,6 +53,16 @@ fn integrators_have_names_long_names_and_manuals() {
         assert!(row.long_name.contains(' '), "{}: the long name `{}` is not long", row.name, row.long_name);
         assert!(row.revision >= 1);
         check_schema(row.name, &row.params);
+    }
+}
+
+#[test]
+fn samplers_have_names_and_docs_and_numbers() {
+    check_rows("SAMPLERS", SAMPLERS.iter().map(|r| (r.name, r.doc)));
+    for row in SAMPLERS {
+        assert!(row.revision >= 1);
+        assert!(sampler(row.name).is_some_and(|found| found.name == row.name));
+        assert!((0.0..1.0).contains(&(row.start)(1, [2, 3], 4).next_1d()));
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use lumbre::film::Image;
-use lumbre::metrics::{Better, METRICS, MetricError, MetricRow, MetricSpec};
+use lumbre::metrics::{Better, METRICS, MetricError, MetricRow, MetricSpec, metric};
 
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
@@ -43,7 +43,8 @@ fn names_are_unique_snake_case_and_documented() {
         for field in row.options.fields {
             assert!(snake(field.key) && !field.doc.is_empty(), "{}.{}", row.name, field.key);
         }
-        assert!(row.options.fields.iter().any(|f| f.key == "on"), "{} has no tone map", row.name);
+        let maps_tones = row.options.fields.iter().any(|f| f.key == "on" || f.key == "tonemapper");
+        assert!(maps_tones, "{} has no tone map", row.name);
     }
 }
 
@@ -53,7 +54,7 @@ fn equal_images_are_perfect() {
         let value = spec(row).eval(&scene(), &scene()).unwrap();
         let near = value == row.perfect || (value - row.perfect).abs() < 1e-12;
         assert!(near, "{}: {value}, perfect is {}", row.name, row.perfect);
-        assert_eq!(row.better == Better::Lower, row.perfect == 0.0, "{}", row.name);
+        assert_eq!(row.better != Better::Higher, row.perfect == 0.0, "{}", row.name);
     }
 }
 
@@ -63,8 +64,11 @@ fn more_noise_is_worse_in_the_direction_of_the_row() {
         let values: Vec<f64> =
             [0.01, 0.05, 0.2].iter().map(|a| spec(row).eval(&noisy(*a), &scene()).unwrap()).collect();
         let worse = |a: &f64, b: &f64| match row.better {
+            // Counts of pixels need not change.
+            Better::Lower if row.unit == "pixels" => a <= b,
             Better::Lower => a < b,
             Better::Higher => a > b,
+            Better::NearZero => a.abs() < b.abs(),
         };
         assert!(values.is_sorted_by(worse), "{}: {values:?}", row.name);
     }
@@ -86,5 +90,52 @@ fn sizes_must_agree() {
         let e = spec(row).eval(&Image::new(16, 12), &Image::new(12, 16)).unwrap_err();
         assert_eq!(e, MetricError::Size { image: [16, 12], reference: [12, 16] });
         assert_eq!(e.to_string(), "image is 16x12 but reference is 12x16");
+    }
+}
+
+#[test]
+fn maps_are_zero_where_images_agree_and_have_the_metric_as_their_mean() {
+    let mut found = 0;
+    for row in METRICS.iter().filter(|row| row.map.is_some()) {
+        let spec = spec(row);
+        let perfect = spec.error_map(&scene(), &scene()).unwrap();
+        assert_eq!((perfect.width, perfect.height, perfect.values.len()), (WIDTH, HEIGHT, (WIDTH * HEIGHT) as usize));
+        assert!(perfect.values.iter().all(|v| v.abs() < 1e-6), "{}", row.name);
+        let map = spec.error_map(&noisy(0.2), &scene()).unwrap();
+        assert!(map.worst().is_some_and(|(_, _, value)| value != 0.0) || row.unit == "pixels", "{}", row.name);
+        if ["mse", "mae", "relmse", "bias", "flip", "hdr_flip"].contains(&row.name) {
+            let mean = map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len() as f64;
+            let value = spec.eval(&noisy(0.2), &scene()).unwrap();
+            assert!((mean - value).abs() < 1e-6 * value.abs().max(1e-3), "{}: {mean} {value}", row.name);
+            found += 1;
+        }
+    }
+    assert_eq!(found, 6);
+}
+
+#[test]
+fn a_nan_is_seen_in_the_map() {
+    let mut broken = scene();
+    broken.data[100][2] = f32::NAN;
+    for row in METRICS.iter().filter(|row| row.map.is_some()) {
+        let map = spec(row).error_map(&broken, &scene()).unwrap();
+        assert!(map.values[100].is_nan(), "{}", row.name);
+        assert!(map.values.iter().any(|v| v.is_finite()), "{}: nothing is left", row.name);
+    }
+}
+
+#[test]
+fn metrics_without_a_map_say_which_have_one() {
+    let e = spec(metric("psnr").unwrap()).error_map(&scene(), &scene()).unwrap_err().to_string();
+    assert!(e.contains("`psnr`") && e.contains("flip"), "{e}");
+}
+
+#[test]
+fn automatic_options_can_be_replaced_by_what_they_settle_to() {
+    for row in METRICS.iter().filter(|row| row.settle.is_some()) {
+        let settled = MetricSpec::new(row.name, row.name, spec(row).settled(&scene())).unwrap();
+        let [chosen, given] = [spec(row), settled.clone()].map(|s| s.eval(&noisy(0.2), &scene()).unwrap());
+        assert_eq!(chosen, given, "{}", row.name);
+        assert_ne!(settled.identity(), spec(row).identity());
     }
 }

@@ -1,7 +1,8 @@
-"""Writes golden.json: small seeded image pairs and what numpy and scikit-image say about them.
+"""Writes golden.json: small seeded image pairs and what numpy, scikit-image and the authors' FLIP say about them.
 
-The Rust tests read only golden.json; run this again (with numpy and scikit-image installed) to change the images:
+The Rust tests read only golden.json; run this again to change the images:
 
+    pip install numpy scikit-image flip-evaluator
     python tests/metrics/make_golden.py
 
 Pixels are whole multiples of 1/1024, so that they are exact in 32-bit floats and short in JSON.
@@ -9,8 +10,10 @@ Pixels are whole multiples of 1/1024, so that they are exact in 32-bit floats an
 
 import json
 import math
+from importlib.metadata import version
 from pathlib import Path
 
+import flip_evaluator
 import numpy as np
 import skimage
 from skimage.metrics import structural_similarity
@@ -74,6 +77,57 @@ UNIFORM = dict(gaussian_weights=False, win_size=7, use_sample_covariance=True)
 GAUSS = dict(gaussian_weights=True, sigma=1.5, use_sample_covariance=False)
 
 
+def flip(image, reference, range_, srgb_values=False, **parameters):
+    """The authors' error map, mean and parameters; images are linear light unless they are sRGB values."""
+    image, reference = (np.ascontiguousarray(i, dtype=np.float32) for i in (image, reference))
+    return flip_evaluator.evaluate(
+        reference, image, range_, inputsRGB=srgb_values, applyMagma=False, parameters=parameters
+    )
+
+
+def flips(image, reference):
+    def shown(i):
+        return np.clip(i, 0.0, 1.0)
+
+    ldr, ldr_mean, _ = flip(shown(image), shown(reference), "LDR")
+    hdr, hdr_mean, settled = flip(image, reference, "HDR")
+    hable = dict(tonemapper="hable", startExposure=-3.0, stopExposure=2.0, numExposures=4, ppd=30.0)
+    return {
+        "flip": ldr_mean,
+        "flip_map": np.round(ldr.astype(np.float64).ravel(), 7).tolist(),
+        "flip_ppd_20": flip(shown(image), shown(reference), "LDR", ppd=20.0)[1],
+        "flip_ppd_150": flip(shown(image), shown(reference), "LDR", ppd=150.0)[1],
+        "flip_on_srgb": flip(srgb(0.5 * image), srgb(0.5 * reference), "LDR", srgb_values=True)[1],
+        "hdr_flip": hdr_mean,
+        "hdr_flip_map": np.round(hdr.astype(np.float64).ravel(), 7).tolist(),
+        "hdr_flip_start": settled["startExposure"],
+        "hdr_flip_stop": settled["stopExposure"],
+        "hdr_flip_exposures": settled["numExposures"],
+        "hdr_flip_reinhard": flip(image, reference, "HDR", tonemapper="reinhard")[1],
+        "hdr_flip_hable": flip(image, reference, "HDR", **hable)[1],
+    }
+
+
+def bias_se(difference, side):
+    """Standard error of the mean from the sums of square blocks."""
+    pixels = difference.mean(axis=2)
+    blocks = [
+        (pixels[y : y + side, x : x + side].sum(), pixels[y : y + side, x : x + side].size)
+        for y in range(0, HEIGHT, side)
+        for x in range(0, WIDTH, side)
+    ]
+    scatter = sum((total - count * pixels.mean()) ** 2 for total, count in blocks)
+    return math.sqrt(len(blocks) / (len(blocks) - 1) * scatter) / pixels.size
+
+
+def fireflies(image, reference, deviations, excess):
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    light, truth = image @ weights, reference @ weights
+    e = (light - truth) / (truth + 0.1 * truth.mean())
+    spread = 1.4826 * np.median(np.abs(e - np.median(e)))
+    return int(np.sum(e > max(np.median(e) + deviations * spread, excess)))
+
+
 def expected(image, reference, data_range):
     difference = image - reference
     mse = float(np.mean(difference**2))
@@ -87,9 +141,15 @@ def expected(image, reference, data_range):
         "psnr": 10.0 * math.log10(data_range**2 / mse),
         "ssim_uniform": ssim(image, reference, data_range, **UNIFORM),
         "ssim_gauss": ssim(image, reference, data_range, **GAUSS),
+        "bias": float(np.mean(difference)),
+        "bias_se": bias_se(difference, 8),
+        "bias_se_block_3": bias_se(difference, 3),
+        "fireflies": fireflies(image, reference, 10.0, 1.0),
+        "fireflies_dim": fireflies(image, reference, 1.0, 0.1),
         "mse_on_srgb": float(np.mean((srgb(image) - srgb(reference)) ** 2)),
         "ssim_uniform_on_reinhard": ssim(tone(image), tone(reference), 1.0, **UNIFORM),
         "ssim_gauss_on_reinhard": ssim(tone(image), tone(reference), 1.0, **GAUSS),
+        **flips(image, reference),
     }
 
 
@@ -111,7 +171,8 @@ def main():
             }
         )
     golden = {
-        "made_by": f"make_golden.py with numpy {np.__version__}, scikit-image {skimage.__version__}",
+        "made_by": f"make_golden.py with numpy {np.__version__}, scikit-image {skimage.__version__}, "
+        f"flip-evaluator {version('flip-evaluator')}",
         "width": WIDTH,
         "height": HEIGHT,
         "steps": STEPS,

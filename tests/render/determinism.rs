@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::render::{Renderer, cpu::renderer::CpuRenderer};
+use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::Material;
+use lumbre::transport::sampler::{SAMPLERS, SOBOL};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
@@ -20,26 +21,27 @@ fn scene() -> Arc<CompiledScene> {
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let scene = scene();
-    let with = |threads| {
-        let mut j = job([33, 17], 5, 11);
-        j.threads = threads;
-        render(&scene, j, 9)
-    };
-    let one = with(1);
-    assert_eq!(one, with(2));
-    assert_eq!(one, with(5));
-    assert!(one.sum.iter().any(|s| s[0] > 0.0));
+    for sampler in SAMPLERS {
+        let with = |threads| render(&scene, Job { threads, sampler, ..job([33, 17], 5, 11) }, 9);
+        let one = with(1);
+        assert_eq!(one, with(2), "{}", sampler.name);
+        assert_eq!(one, with(5), "{}", sampler.name);
+        assert!(one.sum.iter().any(|s| s[0] > 0.0));
+    }
 }
 
 #[test]
 fn any_grouping_into_waves_gives_the_same_bits() {
     let scene = scene();
-    let whole = render(&scene, job([16, 16], 5, 12), 21);
-    let mut renderer = CpuRenderer::new(Arc::clone(&scene), job([16, 16], 5, 12)).unwrap();
-    for wave in [1, 2, 4, 8, 6] {
-        renderer.advance(wave).unwrap();
+    for sampler in SAMPLERS {
+        let job = Job { sampler, ..job([16, 16], 5, 12) };
+        let whole = render(&scene, job.clone(), 21);
+        let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
+        for wave in [1, 2, 4, 8, 6] {
+            renderer.advance(wave).unwrap();
+        }
+        assert_eq!(&whole, renderer.film(), "{}", sampler.name);
     }
-    assert_eq!(&whole, renderer.film());
 }
 
 #[test]
@@ -48,4 +50,6 @@ fn another_seed_gives_another_picture() {
     let a = render(&scene, job([16, 16], 5, 13), 4);
     let b = render(&scene, job([16, 16], 5, 14), 4);
     assert_ne!(a, b);
+    let [c, d] = [13, 14].map(|seed| render(&scene, Job { sampler: SOBOL, ..job([16, 16], 5, seed) }, 4));
+    assert!(c != d && c != a);
 }

@@ -7,7 +7,7 @@ use lumbre::math::rng::{pcg4d, unit};
 use lumbre::math::stats::chi_square_p;
 use lumbre::render::cpu::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::transport::light::Lights;
+use lumbre::transport::light::{LightId, Lights, Select};
 use lumbre::transport::ray::Ray;
 
 use crate::common::{SceneBuilder, grey, job, light, mean_and_error, render};
@@ -31,7 +31,7 @@ fn uniform(i: u32) -> [f32; 4] {
 #[test]
 fn emitters_are_chosen_by_exact_area() {
     let scene = scene();
-    let lights = Lights::new(&scene);
+    let lights = Lights::with_select(&scene, Select::Area);
     let areas: Vec<f64> = scene.emitters.iter().map(|e| f64::from(e.area)).collect();
     let total: f64 = areas.iter().sum();
     assert!((lights.total_area() / total - 1.0).abs() < 1e-6);
@@ -39,11 +39,12 @@ fn emitters_are_chosen_by_exact_area() {
     let mut observed = vec![0.0; areas.len()];
     for i in 0..n {
         let u = uniform(i);
-        let p = lights.sample_area(&scene, u[0], [u[1], u[2]]).unwrap();
-        assert!((f64::from(p.pdf_a) * total - 1.0).abs() < 1e-4, "density is 1 / total area everywhere");
-        let which = scene.emitters.iter().position(|e| e.primitive == p.primitive).unwrap();
-        assert_eq!(lights.pdf_a(&scene, which as u32), p.pdf_a);
-        observed[which] += 1.0;
+        let e = lights.sample_emission(&scene, u[0], [u[1], u[2]], [u[3], 0.5]).unwrap();
+        assert!((f64::from(e.pdf_a) * total - 1.0).abs() < 1e-4, "density is 1 / total area everywhere");
+        let LightId::Emitter(which) = e.point.light else { panic!("{:?}", e.point) };
+        let again = lights.pdf_emission(&scene, which, e.cos);
+        assert_eq!([again.pdf_a, again.pdf_w], [e.pdf_a, e.pdf_w]);
+        observed[which as usize] += 1.0;
     }
     let expected: Vec<f64> = areas.iter().map(|a| a / total * f64::from(n)).collect();
     assert!(chi_square_p(&observed, &expected, 0) > 0.001);
@@ -63,14 +64,16 @@ fn sampled_and_found_light_agree() {
     let (mut sum, mut sum2) = (0.0f64, 0.0f64);
     for i in 0..n {
         let u = uniform(i);
-        let p = lights.sample_area(&scene, u[0], [u[1], u[2]]).unwrap();
-        let to = p.position - origin;
-        let d2 = to.length_squared();
-        let wi = to / d2.sqrt();
-        let g = wi.y.max(0.0) * (-wi.dot(p.normal)).max(0.0) / d2;
-        let visible = g > 0.0 && !accel.occluded(&Ray { origin, dir: wi }, d2.sqrt() * 0.999);
-        let emission = scene.materials[scene.material_of(p.primitive) as usize].emission.x;
-        let value = if visible { f64::from(0.8 / std::f32::consts::PI * emission * g / p.pdf_a) } else { 0.0 };
+        let value = match lights.sample_direct(&scene, origin, u[0], [u[1], u[2]]) {
+            Some(d) if d.wi.y > 0.0 && !accel.occluded(&Ray { origin, dir: d.wi }, d.distance * 0.999) => {
+                let at = d.point;
+                let LightId::Emitter(i) = at.light else { panic!("{at:?}") };
+                let again = lights.pdf_direct_w(&scene, origin, i, at.position, at.normal);
+                assert!((again / d.pdf_w - 1.0).abs() < 0.01, "{again} {}", d.pdf_w);
+                f64::from(0.8 / std::f32::consts::PI * d.radiance.x * d.wi.y / d.pdf_w)
+            }
+            _ => 0.0,
+        };
         sum += value;
         sum2 += value * value;
     }

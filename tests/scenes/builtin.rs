@@ -6,7 +6,15 @@ use lumbre::scene::{CompiledScene, SceneDesc, compile};
 
 use super::builtin_path;
 
-const SCENES: [&str; 3] = ["cornell/cornell.scn", "cornell_spheres/cornell_spheres.scn", "veach_lamps/veach_lamps.scn"];
+const SCENES: [&str; 7] = [
+    "cornell/cornell.scn",
+    "cornell_spheres/cornell_spheres.scn",
+    "veach_lamps/veach_lamps.scn",
+    "material_ball/material_ball.scn",
+    "masked_leaves/masked_leaves.scn",
+    "lamp_row/lamp_row.scn",
+    "edges/edges.scn",
+];
 
 fn builtin(name: &str) -> (SceneDesc, CompiledScene) {
     let (desc, notes) = load(&builtin_path(name)).unwrap_or_else(|e| panic!("{e}"));
@@ -148,4 +156,33 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
     }
     let (seen, _) = nearest(&scene, camera, (Vec3::new(0.1, 0.88, -0.1) - camera).normalize_or(Vec3::Z)).unwrap();
     assert_eq!(scene.material_of(seen as u32), row("egg"), "the camera sees the egg");
+}
+
+#[test]
+fn the_studio_faces_its_ball_and_the_leaves_are_cut_out() {
+    let (desc, scene) = builtin(SCENES[3]);
+    let ball = &scene.spheres[0];
+    assert_eq!(desc.materials[ball.material as usize].name, "ball");
+    let mut lit = 0;
+    for i in 0..scene.triangles.len() as u32 {
+        let [a, ..] = scene.triangles[i as usize];
+        let inwards = front(&scene, i).dot(ball.center - a) > 0.0;
+        // All but the pedestal, which stands below the ball and looks outwards.
+        let base = desc.materials[scene.material_of(i) as usize].name == "base";
+        assert!(base || inwards, "triangle {i}");
+        let axis = Vec3::new(0.0, a.y, 0.0);
+        assert!(!base || front(&scene, i).dot(a - axis) > -1e-6 || front(&scene, i).y > 0.0, "triangle {i}");
+        lit += usize::from(scene.attributes[i as usize].emitter != u32::MAX);
+    }
+    assert_eq!(lit, 4);
+    let to_ball = (ball.center - desc.camera.position).normalize_or(Vec3::Z);
+    let (_, t) = nearest(&scene, desc.camera.position, to_ball).unwrap();
+    assert!(t > (ball.center - desc.camera.position).length(), "the camera sees the ball");
+    let (desc, scene) = builtin(SCENES[4]);
+    let leaf = scene.materials[desc.material_row("leaf").unwrap()];
+    let mask = &scene.textures[leaf.mask_texture as usize];
+    let share = |low: f32| mask.texels.iter().filter(|t| t[0] >= low).count() as f32 / mask.texels.len() as f32;
+    // Every threshold of the study cuts something else.
+    let shares = [0.1, 0.3, 0.5, 0.7, 0.9].map(share);
+    assert!(shares.windows(2).all(|w| w[0] > w[1] + 0.02) && shares[0] < 0.8 && shares[4] > 0.02, "{shares:?}");
 }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use lumbre::scene::SceneDesc;
-use lumbre::scene::desc::{MATERIAL_PARAMS, ShapeDesc, content_hash};
-use lumbre::scene::edit::{paths, set};
+use lumbre::scene::desc::{MATERIAL_PARAMS, ShapeDesc, TextureSlot, content_hash};
+use lumbre::scene::edit::{apply, paths, set};
 use lumbre::scene::load::load;
 use lumbre::value::Value;
 use lumbre::value::schema::Ty;
@@ -12,7 +12,7 @@ use lumbre::value::schema::Ty;
 use super::{Folder, QUAD, builtin_path};
 
 fn scene() -> SceneDesc {
-    let text = r#"{ "camera": { "position": [0, 0, 5] },
+    let text = r#"{ "camera": { "position": [0, 0, 5], "f_number": 4, "focal_length": 0.05 },
         "materials": [ { "name": "egg", "opacity": 0 }, { "name": "wall.left" }, { "name": "lamp", "emission": [5, 5, 5] } ],
         "entities": [ { "type": "mesh", "file": "table.v2.obj", "material": "wall.left" },
                       { "type": "sphere", "radius": 1, "material": "egg" } ] }"#;
@@ -94,17 +94,61 @@ fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
     }
 }
 
+#[test]
+fn lenses_are_described_once() {
+    let changes = |pairs: &[(&str, f64)]| -> BTreeMap<String, Value> {
+        pairs.iter().map(|(key, x)| (format!("camera.{key}"), Value::number(*x))).collect()
+    };
+    let plain = || Folder::new(&[("a.scn", "{}")]).load("a.scn").unwrap().0;
+    let mut s = plain();
+    apply(&mut s, &changes(&[("f_number", 2.0), ("focal_length", 0.05), ("sensor_height", 0.024)])).unwrap();
+    assert!((s.camera.view_deg() - 26.99).abs() < 0.01 && s.camera.lens_diameter() == 0.025);
+    // The last word counts, in both directions.
+    apply(&mut s, &changes(&[("aperture", 0.5)])).unwrap();
+    assert_eq!(s.camera.lens_diameter(), 0.5);
+    apply(&mut s, &changes(&[("f_number", 4.0)])).unwrap();
+    assert_eq!(s.camera.lens_diameter(), 0.0125);
+    // The same lens by other words is the same scene.
+    let mut same = plain();
+    apply(&mut same, &changes(&[("aperture", 0.0125), ("fov", f64::from(s.camera.view_deg()))])).unwrap();
+    assert_eq!(content_hash(&s), content_hash(&same));
+    // A sensor and a field of view make a focal length.
+    let mut zoom = plain();
+    apply(&mut zoom, &changes(&[("f_number", 1.0), ("sensor_height", 0.1), ("fov", 90.0)])).unwrap();
+    assert!((zoom.camera.lens_diameter() - 0.05).abs() < 1e-6);
+    let refused: [(&[(&str, f64)], &str); 4] = [
+        (&[("aperture", 0.1), ("f_number", 2.0), ("focal_length", 0.05)], "camera.f_number: there is an `aperture`"),
+        (&[("fov", 40.0), ("focal_length", 0.05), ("sensor_height", 0.024)], "camera.fov: `sensor_height` and"),
+        (&[("f_number", 2.0)], "camera.f_number: it says nothing without a `focal_length`"),
+        (&[("f_number", 0.0), ("focal_length", 0.05)], "camera.f_number: 0 is out of range"),
+    ];
+    for (pairs, text) in refused {
+        let e = apply(&mut plain(), &changes(pairs)).unwrap_err().to_string();
+        assert!(e.starts_with(text), "{pairs:?}: {e}");
+    }
+}
+
 /// A value that no parameter has by default.
 fn other_value(path: &str) -> Value {
     let last = path.rsplit('.').next().unwrap();
+    if TextureSlot::from_name(last).is_some() {
+        return builtin_path("material_ball/checks.png").to_str().unwrap().into();
+    }
     if let Some(row) = MATERIAL_PARAMS.iter().find(|row| path.starts_with("materials.") && row.name == last) {
-        return if matches!(row.ty, Ty::Nums { .. }) { nums(&[0.25, 0.75, 0.125]) } else { Value::Num(0.375) };
+        return match row.ty {
+            Ty::Nums { len, .. } => nums(&[0.25, 0.75, 0.125][..len]),
+            Ty::Word(words) => words[1].into(),
+            Ty::Bool => Value::Bool(true),
+            _ => Value::Num(0.375),
+        };
     }
     match last {
         "resolution" => nums(&[12.0, 34.0]),
         "max_depth" => Value::Int(17),
         "material" => "lamp".into(),
-        "fov" | "aperture" | "focus_distance" | "radius" => Value::Num(0.375),
+        "fov" | "aperture" | "f_number" | "focal_length" | "sensor_height" | "focus_distance" | "radius" => {
+            Value::Num(0.375)
+        }
         _ => nums(&[0.25, 0.75, 0.125]),
     }
 }
@@ -114,7 +158,7 @@ fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
     let base = content_hash(&scene());
     let mut seen = BTreeMap::from([(base, "nothing".to_owned())]);
     let all = paths(&scene());
-    assert_eq!(all.len(), 8 + 4 * MATERIAL_PARAMS.len() + 4 + 3);
+    assert_eq!(all.len(), 11 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4);
     for path in all {
         let mut s = scene();
         set(&mut s, &path, &other_value(&path)).unwrap_or_else(|e| panic!("{e}"));

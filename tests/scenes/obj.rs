@@ -83,7 +83,7 @@ fn empty_meshes_and_degenerate_faces_are_noted() {
 fn a_bare_mesh_is_seen_by_a_camera_that_frames_it() {
     let folder = Folder::new(&[("thing.obj", &format!("{CORNERS}f 1 2 3 4\n"))]);
     let (desc, notes) = folder.load("thing.obj").unwrap();
-    assert!(lines(&notes).contains("nothing in it shines"));
+    assert!(lines(&notes).contains("nothing in this mesh shines"));
     let (scene, notes) = compile(&desc).unwrap();
     assert!(lines(&notes).contains("nothing emits light"));
     assert_eq!(front(&scene, 0), Vec3::Z, "a bare OBJ has the usual winding");

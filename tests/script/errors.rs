@@ -243,6 +243,7 @@ fn wrong_render_tables_point_at_the_key() {
         ),
         (with("    aa = { radius = 17 }"), 5, "render.aa.radius: 17 is out of range"),
         (with("    aa = { filter = \"gaus\" }"), 5, "did you mean `gauss`?"),
+        (with("    sampler = \"sobel\""), 5, "did you mean `sobol`?"),
         (with("    resolution = { 64 }"), 5, "render.resolution: expected 2 numbers"),
         (with("    resolution = { 64, 0.5 }"), 5, "render.resolution[2]: 0.5 is out of range"),
         (with("    resolution = { 64, 64.5 }"), 5, "a whole number of pixels"),

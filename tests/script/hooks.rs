@@ -36,6 +36,7 @@ fn a_short_render_table_takes_the_defaults() {
     assert_eq!((cell.integrator.as_str(), cell.backend.as_str()), ("bpt", "auto"));
     assert_eq!((cell.max_depth, cell.resolution, cell.rr_start), (Some(5), None, None));
     assert_eq!((cell.filter.kind, cell.filter.radius), (FilterKind::Box, 0.5));
+    assert_eq!(cell.sampler, "independent");
     assert!(cell.set.is_empty() && cell.params.is_empty());
     assert_eq!(script.render(&point(5)).unwrap(), cell, "asking twice changes nothing");
 }
@@ -44,11 +45,12 @@ fn a_short_render_table_takes_the_defaults() {
 fn a_full_render_table_is_typed() {
     let table = "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth, resolution = { 160, 120.0 },
       aa = { filter = \"gauss\", radius = 1.5 }, camera = { aperture = 0.25, target = { 0, 1, 0 } },
-      set = { [\"materials.egg.ior\"] = 1.5 }, rr = { start = 4 }, backend = \"cpu\" }";
+      set = { [\"materials.egg.ior\"] = 1.5 }, rr = { start = 4 }, backend = \"cpu\", sampler = \"sobol\" }";
     let (_folder, script) = load(TABLE, table);
     let cell = script.render(&point(3)).unwrap();
     assert_eq!((cell.resolution, cell.rr_start, cell.backend.as_str()), (Some([160, 120]), Some(4), "cpu"));
     assert_eq!((cell.filter.kind, cell.filter.radius), (FilterKind::Gauss, 1.5));
+    assert_eq!(cell.sampler, "sobol");
     let set: Vec<(&str, String)> = cell.set.iter().map(|(k, v)| (k.as_str(), v.to_string())).collect();
     assert_eq!(
         set,

@@ -1,22 +1,22 @@
 //! `lumbre bench`: the program measuring itself. Figures, never pass or fail: machines are shared and noisy.
 
+mod efficiency;
+mod metrics;
 mod night;
 mod rates;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
+use crate::cli::args::BenchArgs;
+use crate::cli::builtin::{BuiltIn, short};
 use crate::math::stats::median;
 
-/// Repetitions of every measurement; the median is reported.
-const REPEATS: usize = 5;
-
-/// The scenes that this project brings, relative to its root.
-const BUILT_IN: [&str; 3] =
-    ["scenes/cornell/cornell.scn", "scenes/cornell_spheres/cornell_spheres.scn", "scenes/veach_lamps/veach_lamps.scn"];
+/// Starts of the program whose median is reported.
+const STARTS: usize = 11;
 
 /// Everything that was measured, ready to print or to save.
 pub struct Report {
@@ -36,56 +36,57 @@ impl Report {
     }
 }
 
-/// Measures the built-in scenes that are found below the current directory, the given ones, and the program's own
-/// overheads. `say` hears what is being measured.
+/// Measures the built-in scenes, the given ones, and the program's own overheads. `say` hears what is being measured.
 ///
 /// # Errors
 /// When a given scene cannot be loaded or rendered, with a message for people.
-pub fn measure(given: &[PathBuf], threads: usize, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
-    let built_in = BUILT_IN.iter().map(PathBuf::from).filter(|p| p.is_file());
-    let scenes: Vec<PathBuf> = built_in.chain(given.iter().cloned()).collect();
+pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
+    let built_in = BuiltIn::unpack()?;
+    let mut scenes: Vec<(String, PathBuf)> = Vec::new();
+    if !args.only {
+        scenes.extend(built_in.scenes().into_iter().map(|file| (short(&file), file)));
+    }
+    scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
+    let repeats = args.repeats as usize;
     let mut rows = Vec::new();
-    for scene in &scenes {
-        say(&format!("measuring {}", scene.display()));
-        rows.push(rates::measure(scene, threads, REPEATS)?);
+    for (name, file) in &scenes {
+        say(&format!("measuring {name}"));
+        rows.push(rates::measure(name, file, threads, repeats)?);
     }
-    say("measuring the program's own overheads");
-    let start_up_s = start_up_s();
-    let plan_s = night::plan_10_000_cells_s()?;
-    let outside = scenes.first().map(|s| night::share_outside_advance(s, threads)).transpose()?;
-
     let mut text = rates::table(&rows);
-    text += "\n";
-    text += &format!("start-up (--version)                 {:>9.1} ms\n", start_up_s * 1e3);
-    text += &format!("plan of 10,000 cells                 {:>9.3} s\n", plan_s);
-    if let Some(share) = outside {
-        text += &format!("time outside `advance`, 4 s cell     {:>9.2} %\n", share * 100.0);
-    }
-    let json = json!({
+    let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads },
-        "repeats": REPEATS,
+        "repeats": repeats,
+        "relative_rmse": efficiency::RELATIVE_RMSE,
         "scenes": rows.iter().map(rates::Row::to_json).collect::<Vec<_>>(),
-        "start_up_s": start_up_s,
-        "plan_10000_cells_s": plan_s,
-        "share_outside_advance": outside,
     });
+    if let (false, Some((_, first))) = (args.only, scenes.first()) {
+        say("measuring the program's own overheads");
+        let (start_up_s, plan_s) = (start_up_s(), night::plan_10_000_cells_s()?);
+        let outside = night::share_outside_advance(first, threads)?;
+        text += &format!("\nstart-up (--version)                 {:>9.1} ms\n", start_up_s * 1e3);
+        text += &format!("plan of 10,000 cells                 {plan_s:>9.3} s\n");
+        text += &format!("time outside `advance`, 4 s cell     {:>9.2} %\n", outside * 100.0);
+        say("measuring the metrics");
+        let times = metrics::measure(repeats);
+        text += &format!("\n{}", metrics::table(&times));
+        json["metrics"] = metrics::to_json(&times);
+        json["start_up_s"] = start_up_s.into();
+        json["plan_10000_cells_s"] = plan_s.into();
+        json["share_outside_advance"] = outside.into();
+    }
     Ok(Report { json, text })
 }
 
 /// Seconds from starting this program to its end when it has nothing to do.
 fn start_up_s() -> f64 {
     let Ok(program) = std::env::current_exe() else { return f64::NAN };
-    median((0..2 * REPEATS + 1).map(|_| {
+    median((0..STARTS).map(|_| {
         let start = Instant::now();
         match Command::new(&program).arg("--version").output() {
             Ok(_) => start.elapsed().as_secs_f64(),
             Err(_) => f64::NAN,
         }
     }))
-}
-
-/// A path as short as it can be said.
-fn short(path: &Path) -> String {
-    path.file_stem().map_or_else(|| path.display().to_string(), |s| s.to_string_lossy().into_owned())
 }

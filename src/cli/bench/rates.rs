@@ -1,81 +1,56 @@
-//! Rays and paths per second of one scene.
+//! The rates of one scene, and the tables of all.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use super::short;
-use crate::math::stats::median;
+use super::efficiency::{self, Measured, RELATIVE_RMSE};
+use crate::cli::builtin::short;
+use crate::cli::text::{aligned, duration};
 use crate::render::cpu::rates::{self, RayRates};
-use crate::render::{Job, backend};
-use crate::scene::{CompiledScene, compile, load};
-use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::scene::{compile, load};
 use crate::transport::integrator::INTEGRATORS;
 
 /// The rates of one scene.
 pub struct Row {
-    scene: PathBuf,
+    scene: String,
     primitives: usize,
     resolution: [u32; 2],
     max_depth: u32,
     rays: RayRates,
-    /// Million camera paths per second by integrator, in the order of the table.
-    mpaths_per_s: Vec<f64>,
+    /// By integrator, in the order of their table.
+    integrators: Vec<Measured>,
 }
 
 /// Measures a scene at its own resolution and depth.
 ///
 /// # Errors
 /// When it cannot be loaded or rendered, with a message for people.
-pub fn measure(scene: &Path, threads: usize, repeats: usize) -> Result<Row, String> {
-    let (desc, _) = load::load(scene).map_err(|e| e.to_string())?;
+pub fn measure(name: &str, file: &Path, threads: usize, repeats: usize) -> Result<Row, String> {
+    let (desc, _) = load::load(file).map_err(|e| e.to_string())?;
     let (compiled, _) = compile(&desc).map_err(|e| e.to_string())?;
-    let compiled = Arc::new(compiled);
-    let rays = rates::measure(&compiled, compiled.resolution, repeats).map_err(|e| e.to_string())?;
-    let mpaths_per_s =
-        INTEGRATORS.iter().map(|i| paths(&compiled, i.name, threads, repeats)).collect::<Result<_, _>>()?;
+    let scene = Arc::new(compiled);
+    let rays = rates::measure(&scene, scene.resolution, repeats).map_err(|e| e.to_string())?;
+    let integrators =
+        INTEGRATORS.iter().map(|row| efficiency::measure(&scene, row, threads, repeats)).collect::<Result<_, _>>()?;
     Ok(Row {
-        scene: scene.to_owned(),
-        primitives: compiled.primitive_count(),
-        resolution: compiled.resolution,
-        max_depth: compiled.max_depth,
-        rays,
-        mpaths_per_s,
-    })
-}
-
-/// Median rate over `repeats` waves after one for warming up, as long as a wave of a night.
-fn paths(scene: &Arc<CompiledScene>, name: &str, threads: usize, repeats: usize) -> Result<f64, String> {
-    let integrator = INTEGRATORS.iter().find(|i| i.name == name).ok_or("no such integrator")?;
-    let job = Job {
-        integrator,
-        params: Default::default(),
+        scene: name.to_owned(),
+        primitives: scene.primitive_count(),
         resolution: scene.resolution,
         max_depth: scene.max_depth,
-        rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-        seed: 1,
-        threads,
-    };
-    let cpu = backend("cpu").ok_or("no cpu backend")?;
-    let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
-    renderer.advance(1).map_err(|e| e.to_string())?;
-    let mut rates = Vec::new();
-    for _ in 0..repeats {
-        let wave = renderer.advance(4).map_err(|e| e.to_string())?;
-        rates.push(wave.paths as f64 / wave.render_s / 1e6);
-    }
-    Ok(median(rates))
+        rays,
+        integrators,
+    })
 }
 
 impl Row {
     /// The row's figures by name.
     pub fn to_json(&self) -> Json {
-        let mpaths: serde_json::Map<String, Json> =
-            INTEGRATORS.iter().zip(&self.mpaths_per_s).map(|(i, rate)| (i.name.to_owned(), json!(rate))).collect();
+        let integrators: serde_json::Map<String, Json> =
+            self.integrators.iter().map(|m| (m.name.to_owned(), m.to_json())).collect();
         json!({
-            "scene": self.scene.display().to_string(),
+            "scene": self.scene,
             "primitives": self.primitives,
             "resolution": self.resolution,
             "max_depth": self.max_depth,
@@ -86,36 +61,52 @@ impl Row {
                 "bounce": self.rays.bounce,
                 "shadow": self.rays.shadow,
             },
-            "mpaths_per_s": mpaths,
+            "integrators": integrators,
         })
+    }
+
+    fn name(&self) -> String {
+        short(Path::new(&self.scene))
     }
 }
 
-/// The rows as a table for people.
+fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
+    texts.map(str::to_owned).to_vec()
+}
+
+/// The rows as tables for people.
 pub fn table(rows: &[Row]) -> String {
-    let width = rows.iter().map(|r| short(&r.scene).chars().count()).max().unwrap_or(0).max("scene".len());
-    let mut text = format!(
-        "{:<width$} {:>10} {:>5} {:>10} {:>8} {:>8} {:>8} {:>8}",
-        "scene", "primitives", "depth", "build ms", "nodes", "primary", "bounce", "shadow"
-    );
-    INTEGRATORS.iter().for_each(|i| text += &format!(" {:>8}", i.name));
-    text += &format!("\n{:<width$} {:>10} {:>5} {:>10} {:>8} {:>26}", "", "", "", "", "", "Mrays/s");
-    text += &format!(" {:>8}\n", "Mpaths/s");
-    for r in rows {
-        let rate = |x: Option<f64>| x.map_or_else(|| format!("{:>8}", "-"), |x| format!("{x:>8.2}"));
-        text += &format!(
-            "{:<width$} {:>10} {:>5} {:>10.2} {:>8} {} {} {}",
-            short(&r.scene),
-            r.primitives,
-            r.max_depth,
-            r.rays.build_s * 1e3,
-            r.rays.nodes,
-            rate(r.rays.primary),
-            rate(r.rays.bounce),
-            rate(r.rays.shadow)
-        );
-        r.mpaths_per_s.iter().for_each(|x| text += &rate(Some(*x)).replacen("", " ", 1));
-        text += "\n";
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+    let mut rays = vec![cells(["scene", "primitives", "build ms", "nodes", "primary", "bounce", "shadow Mrays/s"])];
+    for row in rows {
+        let rate = |x: Option<f64>| or_dash(x.map(|x| format!("{x:.2}")));
+        rays.push(vec![
+            row.name(),
+            row.primitives.to_string(),
+            format!("{:.2}", row.rays.build_s * 1e3),
+            row.rays.nodes.to_string(),
+            rate(row.rays.primary),
+            rate(row.rays.bounce),
+            rate(row.rays.shadow),
+        ]);
     }
-    text
+    let time = format!("time to {:.0} %", RELATIVE_RMSE * 100.0);
+    let head = ["scene", "size", "depth", "integrator", "Mpaths/s", "spread", "variance", "efficiency", &time];
+    let mut paths = vec![cells(head)];
+    for row in rows {
+        for m in &row.integrators {
+            paths.push(vec![
+                row.name(),
+                format!("{}x{}", row.resolution[0], row.resolution[1]),
+                row.max_depth.to_string(),
+                m.name.to_owned(),
+                format!("{:.3}", m.mpaths_per_s),
+                format!("{:.0} %", m.spread * 100.0),
+                or_dash(m.variance.map(|v| format!("{v:.3e}"))),
+                or_dash(m.efficiency().map(|e| format!("{e:.3e}"))),
+                or_dash(m.time_to_rmse_s().map(duration)),
+            ]);
+        }
+    }
+    aligned(&rays) + "\n" + &aligned(&paths)
 }

@@ -103,6 +103,16 @@ pub enum PlanError {
         /// The nearest name, or all of them.
         help: String,
     },
+    /// No such sampler.
+    #[error("at {point}: unknown sampler `{name}` ({help})")]
+    UnknownSampler {
+        /// Where in the sweep.
+        point: String,
+        /// The name as written.
+        name: String,
+        /// The nearest name, or all of them.
+        help: String,
+    },
     /// No such backend.
     #[error("at {point}: unknown backend `{name}` ({help})")]
     UnknownBackend {
@@ -134,6 +144,14 @@ pub enum PlanError {
         height: u32,
         /// The most pixels there may be.
         limit: u64,
+    },
+    /// Layers that cannot be had.
+    #[error("`films` at {point}: {reason}")]
+    Films {
+        /// Where in the sweep.
+        point: String,
+        /// What is wrong, and what to do.
+        reason: String,
     },
     /// A path length of zero.
     #[error("at {point}: `max_depth` is 0: a path from the camera to a light has at least 1 edge")]

@@ -4,6 +4,7 @@ use super::{Plan, ReferenceSource};
 use crate::experiment::event::CellRef;
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
+use crate::film::layer::Layout;
 
 /// Bounds on the work of a plan. Every run is counted in exactly one of the three counts.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +19,8 @@ pub struct Estimate {
     pub paths: f64,
     /// Runs whose stop rules bound neither.
     pub unbounded: usize,
+    /// The most bytes of memory that the layers of one of those runs take.
+    pub layer_bytes: u64,
 }
 
 impl Plan {
@@ -39,7 +42,13 @@ impl Plan {
 
 impl Estimate {
     fn add(&mut self, config: &CellConfig, stop: &StopRule) {
-        let pixels: f64 = config.resolution.unwrap_or_default().map(f64::from).iter().product();
+        let [width, height] = config.resolution.unwrap_or_default();
+        let count = u64::from(width) * u64::from(height);
+        let pixels = count as f64;
+        // The plan has none that is refused.
+        if let Ok(layout) = Layout::new(&config.films, config.max_depth.unwrap_or(1), count) {
+            self.layer_bytes = self.layer_bytes.max(layout.bytes());
+        }
         match (stop.time_limit_s(), stop.sample_limit()) {
             (Some(seconds), _) => {
                 self.by_time += 1;

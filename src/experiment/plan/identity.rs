@@ -15,8 +15,8 @@ use super::{Plan, RunId};
 use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue};
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
-use crate::transport::camera::FilterKind;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
 /// Raised whenever the meaning of an identity changes; earlier runs are then no longer found.
@@ -49,17 +49,20 @@ pub fn run_id(identity: &Value) -> RunId {
 }
 
 /// What decides a picture, but for its seed and its end. The configuration has nothing left open.
-pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8; 32]) -> BTreeMap<String, Value> {
-    let kind = match config.filter.kind {
-        FilterKind::Box => "box",
-        FilterKind::Gauss => "gauss",
-    };
+pub(super) fn picture(
+    config: &CellConfig,
+    row: &IntegratorRow,
+    sampler: &SamplerRow,
+    scene_hash: &[u8; 32],
+) -> BTreeMap<String, Value> {
+    let kind = config.filter.kind.name();
     let integrator = map([
         ("name", row.name.into()),
         ("revision", Value::Int(i64::from(row.revision))),
         ("params", Value::Map(config.params.clone())),
     ]);
     let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
+    let sampler = map([("name", sampler.name.into()), ("revision", Value::Int(i64::from(sampler.revision)))]);
     let whole = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
     let resolution = config.resolution.map_or(Value::Nil, |r| Value::List(r.map(|n| Value::Int(i64::from(n))).into()));
     let fields = [
@@ -70,9 +73,13 @@ pub(super) fn picture(config: &CellConfig, row: &IntegratorRow, scene_hash: &[u8
         ("max_depth", whole(config.max_depth)),
         ("rr_start", whole(config.rr_start)),
         ("filter", filter),
+        ("sampler", sampler),
         ("backend", config.backend.as_str().into()),
     ];
-    fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    // Left out where there are none, so that runs without layers keep the ids they had before layers existed.
+    let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
+    let films = (!films.is_empty()).then_some(("films", Value::List(films)));
+    fields.into_iter().chain(films).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end: the identity of a rendered reference.

@@ -8,9 +8,11 @@ use std::sync::Arc;
 use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
+use crate::film::layer::Layout;
 use crate::render;
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
+use crate::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use crate::value::Value;
 
 /// The most pixels a picture may have: their sums take 12 GiB.
@@ -61,6 +63,7 @@ impl<'a> Resolver<'a> {
     /// Finds everything that a configuration names.
     pub(super) fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
+        let sampler = sampler_row(&config.sampler, point)?;
         config.backend = self.backend(&config.backend, point)?.to_owned();
         let (scene, hash) = self.scene(&config, point)?;
         let resolution = config.resolution.unwrap_or(scene.resolution);
@@ -72,10 +75,23 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
+        Self::films(&config, u64::from(width) * u64::from(height), max_depth)
+            .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
-        let picture = identity::picture(&config, row, &hash);
+        let picture = identity::picture(&config, row, sampler, &hash);
         Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
+    }
+
+    /// Whether the backend fills layers and there is room for them.
+    fn films(config: &CellConfig, pixels: u64, max_depth: u32) -> Result<(), String> {
+        if config.films.is_empty() {
+            return Ok(());
+        }
+        if !render::backend(&config.backend).is_some_and(|row| row.layers) {
+            return Err(format!("backend `{}` cannot fill layers", config.backend));
+        }
+        Layout::new(&config.films, max_depth, pixels).map(drop)
     }
 
     /// The id and identity of a file that serves as a reference.
@@ -104,10 +120,8 @@ impl<'a> Resolver<'a> {
         let mut scene = self.file(&config.scene_file, point)?;
         if !config.set.is_empty() {
             let changed = Arc::make_mut(&mut scene);
-            for (path, value) in &config.set {
-                edit::set(changed, path, value)
-                    .map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
-            }
+            edit::apply(changed, &config.set)
+                .map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         }
         let hash = desc::content_hash(&scene);
         self.edited.insert(key, (Arc::clone(&scene), hash));
@@ -148,6 +162,14 @@ fn integrator_row(name: &str, point: &Point) -> Result<&'static IntegratorRow, P
         point: describe(point),
         name: name.to_owned(),
         help: help(name, INTEGRATORS.iter().map(|row| row.name)),
+    })
+}
+
+fn sampler_row(name: &str, point: &Point) -> Result<&'static SamplerRow, PlanError> {
+    sampler(name).ok_or_else(|| PlanError::UnknownSampler {
+        point: describe(point),
+        name: name.to_owned(),
+        help: help(name, SAMPLER_NAMES),
     })
 }
 

@@ -11,10 +11,12 @@ use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
 use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::stop::StopRule;
+use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::{Job, Renderer, WaveStats};
 use crate::scene::{CompiledScene, SceneDesc, compile};
 use crate::transport::integrator::integrator;
+use crate::transport::sampler::sampler;
 
 /// What a run is to render.
 pub(super) struct Work<'a> {
@@ -30,16 +32,17 @@ pub(super) struct Work<'a> {
 pub(super) struct Ended {
     pub(super) outcome: Outcome,
     pub(super) film: Option<Arc<Film>>,
+    pub(super) layers: Arc<Vec<LayerImage>>,
     pub(super) rows: Vec<WaveRow>,
 }
 
 impl Ended {
     pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), film: None, rows }
+        Ended { outcome: Outcome::Cached(folder), film: None, layers: Arc::default(), rows }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
-        Ended { outcome: Outcome::Failed(reason), film: None, rows: Vec::new() }
+        Ended { outcome: Outcome::Failed(reason), film: None, layers: Arc::default(), rows: Vec::new() }
     }
 }
 
@@ -56,8 +59,12 @@ impl Night<'_, '_> {
     pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
         let mut progress = Progress::default();
         let outcome = self.render(work, &mut progress).unwrap_or_else(Outcome::Failed);
-        let film = progress.renderer.as_ref().map(|r| r.film()).filter(|film| film.samples > 0);
-        Ended { outcome, film: film.map(|film| Arc::new(film.clone())), rows: progress.rows }
+        let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
+        let film = renderer.map(|r| Arc::new(r.film().clone()));
+        // Only what is finished is recorded.
+        let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
+        let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
+        Ended { outcome, film, layers, rows: progress.rows }
     }
 
     fn render(&mut self, work: &Work<'_>, progress: &mut Progress) -> Result<Outcome, String> {
@@ -131,6 +138,8 @@ impl Night<'_, '_> {
             max_depth: config.max_depth.unwrap_or(scene.max_depth),
             rr_start: config.rr_start,
             filter: config.filter,
+            layers: config.films.clone(),
+            sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             seed: work.seed,
             threads: self.threads,
         };
@@ -171,6 +180,12 @@ fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveSta
         Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples")),
         stats => stats.map_err(|e| e.to_string()),
     }
+}
+
+/// The images of a renderer's layers; the sums of one at a time are in memory twice.
+fn layer_images(renderer: &dyn Renderer) -> Vec<LayerImage> {
+    let films = renderer.layers().iter().enumerate();
+    films.filter_map(|(i, film)| Some(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
 }
 
 /// Runs what may panic; a panic becomes a reason.

@@ -215,9 +215,9 @@ impl<'a, 's> Night<'a, 's> {
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
     fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, rows } = ended;
+        let Ended { mut outcome, film, layers, rows } = ended;
         let rows = Arc::new(rows);
-        let event = Event::CellFinished { cell, outcome: outcome.clone(), film, rows: Arc::clone(&rows) };
+        let event = Event::CellFinished { cell, outcome: outcome.clone(), film, layers, rows: Arc::clone(&rows) };
         if let Err(reason) = self.emit(&event) {
             let reason = format!("it could not be recorded: {reason}");
             // The sink that failed may fail again; the others still hear of it, and the summary has the reason.

@@ -6,12 +6,14 @@
 mod axis;
 mod layout;
 mod raster;
+mod sheet;
 mod style;
 mod svg;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 pub use raster::rasterize;
+pub use sheet::sheets;
 
 use super::labels;
 use crate::experiment::plan::Plan;

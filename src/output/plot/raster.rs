@@ -15,19 +15,28 @@ const ZOOM: f32 = 2.0;
 /// # Errors
 /// When the SVG cannot be parsed or is too large for memory.
 pub fn rasterize(svg: &str) -> Result<Vec<u8>, OutputError> {
+    let (size, rgb) = pixels(svg, ZOOM)?;
+    let meta: Vec<(String, String)> =
+        description(svg).map(|text| ("Description".to_owned(), text)).into_iter().collect();
+    png::encode_bytes(size, ::png::ColorType::Rgb, &rgb, &meta)
+}
+
+/// Width, height and 8-bit RGB pixels of an SVG on white, with `zoom` pixels for each of its own.
+///
+/// # Errors
+/// As [`rasterize`].
+pub(super) fn pixels(svg: &str, zoom: f32) -> Result<([u32; 2], Vec<u8>), OutputError> {
     let fail = |reason: String| OutputError::Svg { reason };
     let options =
         usvg::Options { font_family: "Ubuntu".to_owned(), fontdb: Arc::clone(fonts()), ..usvg::Options::default() };
     let tree = usvg::Tree::from_str(svg, &options).map_err(|e| fail(e.to_string()))?;
-    let [width, height] = [tree.size().width(), tree.size().height()].map(|side| (side * ZOOM).ceil() as u32);
+    let [width, height] = [tree.size().width(), tree.size().height()].map(|side| (side * zoom).ceil() as u32);
     let mut pixmap = tiny_skia::Pixmap::new(width, height)
         .ok_or_else(|| fail(format!("{width}x{height} pixels are too many or none")))?;
     pixmap.fill(tiny_skia::Color::WHITE);
-    resvg::render(&tree, tiny_skia::Transform::from_scale(ZOOM, ZOOM), &mut pixmap.as_mut());
-    let rgb: Vec<u8> = pixmap.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-    let meta: Vec<(String, String)> =
-        description(svg).map(|text| ("Description".to_owned(), text)).into_iter().collect();
-    png::encode_bytes([width, height], ::png::ColorType::Rgb, &rgb, &meta)
+    resvg::render(&tree, tiny_skia::Transform::from_scale(zoom, zoom), &mut pixmap.as_mut());
+    let rgb = pixmap.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    Ok(([width, height], rgb))
 }
 
 /// The text of the document's `<desc>` element.

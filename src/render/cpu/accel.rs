@@ -5,53 +5,60 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{Vec3A, Vec4};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 
-use super::intersect::{self, ShearedRay};
+use super::intersect::{self, LANES, ShearedRay, TriangleBlock};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::transport::MASK_THRESHOLD;
-use crate::transport::ray::{Hit, Ray};
-use crate::transport::surface::{Surface, lookup};
+use crate::transport::ray::{Hit, Ray, Trace};
+use crate::transport::surface::is_masked_out;
 
 /// Entries of the traversal stack. A tree of four-wide nodes needs three for each level; [`Accel::build`] refuses what
 /// does not fit, which only a contrived scene reaches.
-const STACK: usize = 96;
+const STACK: usize = 64;
 
 /// Widens the far end of a slab test so that rounding never loses a box [Ize 2013].
 const SLAB_SLACK: f32 = 1.000_000_5;
 
+/// Marks a child that is a leaf: the rest is the index of its first block.
+const LEAF: u32 = 1 << 31;
+
 /// Up to four children; lane `i` of every vector belongs to child `i`.
 #[derive(Clone, Debug)]
 struct Node {
-    min: [Vec4; 3],
-    max: [Vec4; 3],
-    /// Index of a node, or of the first entry of `Accel::order` of a leaf.
+    /// Least and greatest coordinates, by axis. A child that is not there has a box that begins behind its end.
+    bounds: [[Vec4; 3]; 2],
+    /// Index of a node, or of a block with [`LEAF`] set.
     child: [u32; 4],
-    /// Primitives of a leaf; 0 for an inner node.
-    count: [u32; 4],
-    /// Bit `i` is set where child `i` exists.
-    present: u32,
 }
 
 impl Node {
     fn empty() -> Node {
-        Node { min: [Vec4::ZERO; 3], max: [Vec4::ZERO; 3], child: [0; 4], count: [0; 4], present: 0 }
+        Node { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], child: [0; 4] }
     }
+}
+
+/// Primitives of a leaf that are tested together.
+#[derive(Clone, Debug)]
+struct Block {
+    triangles: TriangleBlock,
+    /// The id of each lane's primitive.
+    primitives: [u32; LANES],
+    /// Bit `i` is set where lane `i` is a sphere.
+    spheres: u32,
+    /// Whether this is the last block of its leaf.
+    last: bool,
 }
 
 /// A scene's hierarchy.
 pub struct Accel {
     scene: Arc<CompiledScene>,
     nodes: Vec<Node>,
-    /// Primitive ids in the order of the leaves.
-    order: Vec<u32>,
-    /// Corners in the order of the leaves; a sphere's entry is never read.
-    corners: Vec<[Vec3; 3]>,
+    blocks: Vec<Block>,
     masked: bool,
     /// Seconds spent building.
     pub build_s: f64,
@@ -84,21 +91,18 @@ impl Accel {
         let mut accel = Accel {
             masked: scene.materials.iter().any(|m| m.mask_texture != NONE),
             nodes: Vec::new(),
-            order: Vec::new(),
-            corners: Vec::new(),
+            blocks: Vec::new(),
             build_s: 0.0,
             scene,
         };
         if !boxes.is_empty() {
-            let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
-            accel.order.clone_from(&bvh.primitive_indices);
+            let params = BvhBuildParams { max_prims_per_leaf: LANES as u32, ..BvhBuildParams::medium_build() };
+            let bvh = build_bvh2(&boxes, params, &mut Duration::default());
             let levels = accel.collapse(&bvh);
             if levels * 3 + 1 > STACK {
                 return Err(TooDeep { levels });
             }
         }
-        let triangles = &accel.scene.triangles;
-        accel.corners = accel.order.iter().map(|p| triangles.get(*p as usize).copied().unwrap_or_default()).collect();
         accel.build_s = start.elapsed().as_secs_f64();
         Ok(accel)
     }
@@ -135,19 +139,38 @@ impl Accel {
                     work.push((child, self.nodes.len() - 1, level + 1));
                     self.nodes.len() as u32 - 1
                 } else {
-                    source.first_index
+                    let first = source.first_index as usize;
+                    self.push_leaf(&bvh.primitive_indices[first..first + source.prim_count as usize])
                 };
                 let node = &mut self.nodes[wide];
                 for axis in 0..3 {
-                    node.min[axis][lane] = source.aabb.min[axis];
-                    node.max[axis][lane] = source.aabb.max[axis];
+                    node.bounds[0][axis][lane] = source.aabb.min[axis];
+                    node.bounds[1][axis][lane] = source.aabb.max[axis];
                 }
                 node.child[lane] = index;
-                node.count[lane] = source.prim_count;
-                node.present |= 1 << lane;
             }
         }
         levels
+    }
+
+    /// Adds the blocks of a leaf and returns what a node says of it.
+    fn push_leaf(&mut self, primitives: &[u32]) -> u32 {
+        let first = self.blocks.len() as u32;
+        for chunk in primitives.chunks(LANES) {
+            let at = |lane: usize| chunk.get(lane).copied();
+            let triangle = |lane| at(lane).and_then(|p| self.scene.triangles.get(p as usize).copied());
+            let is_sphere = |lane: usize| at(lane).is_some_and(|p| p as usize >= self.scene.triangles.len());
+            self.blocks.push(Block {
+                triangles: TriangleBlock::new([0, 1, 2, 3].map(triangle)),
+                primitives: [0, 1, 2, 3].map(|lane| at(lane).unwrap_or(NONE)),
+                spheres: (0..LANES).map(|lane| u32::from(is_sphere(lane)) << lane).sum(),
+                last: false,
+            });
+        }
+        if let Some(block) = self.blocks.last_mut() {
+            block.last = true;
+        }
+        first | LEAF
     }
 
     /// The nearest hit with `0 < t < t_max`, masks applied.
@@ -168,82 +191,110 @@ impl Accel {
         let sheared = ShearedRay::new(ray);
         // A zero component would make 0 * inf = NaN on a box's plane; a tiny one is as good and stays finite.
         let inverse = ray.dir.to_array().map(|d| 1.0 / if d.abs() < 1e-20 { 1e-20f32.copysign(d) } else { d });
-        let inverse4 = inverse.map(Vec4::splat);
         let origin4 = ray.origin.to_array().map(Vec4::splat);
+        let inverse4 = inverse.map(Vec4::splat);
+        // Which bound a ray meets first on each axis.
+        let [x, y, z] = inverse.map(|d| usize::from(d < 0.0));
         let mut best: Option<Hit> = None;
-        // Each entry: a child's index, its primitive count, and the distance at which its box begins.
-        let mut stack = [(0u32, 0u32, 0.0f32); STACK];
-        let mut depth = 1;
-        while depth > 0 {
-            depth -= 1;
-            let (index, count, begin) = stack[depth];
-            if begin >= t_max {
-                continue;
-            }
-            if count > 0 {
-                for slot in index as usize..(index + count) as usize {
-                    let Some(hit) = self.intersect(slot, ray, &sheared, t_max) else { continue };
-                    if self.masked && self.is_masked_out(ray, &hit) {
-                        continue;
-                    }
+        // Each entry: a child, and the distance at which its box begins.
+        let mut stack = [(0u32, 0.0f32); STACK];
+        let mut depth = 0;
+        let mut current = 0;
+        loop {
+            if current & LEAF != 0 {
+                if let Some(hit) = self.leaf::<ANY>(current & !LEAF, ray, &sheared, t_max) {
                     if ANY {
                         return Some(hit);
                     }
                     t_max = hit.t;
                     best = Some(hit);
                 }
-                continue;
-            }
-            let node = &self.nodes[index as usize];
-            let mut near = Vec4::ZERO;
-            let mut far = Vec4::splat(t_max);
-            for axis in 0..3 {
-                let a = (node.min[axis] - origin4[axis]) * inverse4[axis];
-                let b = (node.max[axis] - origin4[axis]) * inverse4[axis];
-                near = near.max(a.min(b));
-                far = far.min(a.max(b) * SLAB_SLACK);
-            }
-            let near = near.to_array();
-            let mut lanes = near.map(|_| 0usize);
-            let mut hits = 0;
-            let mask = Vec4::from_array(near).cmple(far).bitmask() & node.present;
-            for lane in 0..4 {
-                if mask & (1 << lane) != 0 {
-                    // Farthest first, so that the nearest is on top of the stack.
-                    let mut place = hits;
-                    while place > 0 && near[lanes[place - 1]] < near[lane] {
-                        lanes[place] = lanes[place - 1];
-                        place -= 1;
+            } else {
+                let node = &self.nodes[current as usize];
+                let plane = |bounds: usize, axis: usize| (node.bounds[bounds][axis] - origin4[axis]) * inverse4[axis];
+                let near = plane(x, 0).max(plane(y, 1)).max(plane(z, 2)).max(Vec4::ZERO);
+                let far = plane(1 - x, 0).min(plane(1 - y, 1)).min(plane(1 - z, 2)) * SLAB_SLACK;
+                let mut met = near.cmple(far.min(Vec4::splat(t_max))).bitmask();
+                let near = near.to_array();
+                // The nearest child is next; the others wait, farthest first.
+                if met != 0 && met & (met - 1) == 0 {
+                    current = node.child[met.trailing_zeros() as usize & 3];
+                    continue;
+                }
+                if met != 0 {
+                    let first = depth;
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize & 3;
+                        met &= met - 1;
+                        let mut place = depth;
+                        while place > first && stack[place - 1].1 < near[lane] {
+                            stack[place] = stack[place - 1];
+                            place -= 1;
+                        }
+                        stack[place] = (node.child[lane], near[lane]);
+                        depth += 1;
                     }
-                    lanes[place] = lane;
-                    hits += 1;
+                    depth -= 1;
+                    current = stack[depth].0;
+                    continue;
                 }
             }
-            for &lane in &lanes[..hits] {
-                stack[depth] = (node.child[lane], node.count[lane], near[lane]);
-                depth += 1;
+            loop {
+                if depth == 0 {
+                    return best;
+                }
+                depth -= 1;
+                if stack[depth].1 < t_max {
+                    current = stack[depth].0;
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The nearest hit in the blocks of a leaf, or with `ANY` some hit.
+    #[inline(always)]
+    fn leaf<const ANY: bool>(&self, first: u32, ray: &Ray, sheared: &ShearedRay, mut t_max: f32) -> Option<Hit> {
+        let mut best = None;
+        for block in &self.blocks[first as usize..] {
+            let found = block.triangles.intersect(sheared, t_max);
+            let mut lanes = found.lanes | block.spheres;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & 3;
+                lanes &= lanes - 1;
+                let primitive = block.primitives[lane];
+                let hit = if block.spheres & (1 << lane) != 0 {
+                    let sphere = &self.scene.spheres[primitive as usize - self.scene.triangles.len()];
+                    let Some(t) = intersect::sphere(sphere, ray, t_max) else { continue };
+                    Hit { t, primitive, uv: [0.0; 2] }
+                } else if found.t(lane) < t_max {
+                    Hit { t: found.t(lane), primitive, uv: found.uv(lane) }
+                } else {
+                    continue;
+                };
+                if self.masked && is_masked_out(&self.scene, ray, &hit) {
+                    continue;
+                }
+                if ANY {
+                    return Some(hit);
+                }
+                t_max = hit.t;
+                best = Some(hit);
+            }
+            if block.last {
+                break;
             }
         }
         best
     }
+}
 
-    #[inline(always)]
-    fn intersect(&self, slot: usize, ray: &Ray, sheared: &ShearedRay, t_max: f32) -> Option<Hit> {
-        let primitive = self.order[slot];
-        let triangles = self.scene.triangles.len();
-        if (primitive as usize) < triangles {
-            let (t, uv) = sheared.triangle(&self.corners[slot], t_max)?;
-            Some(Hit { t, primitive, uv })
-        } else {
-            let t = intersect::sphere(&self.scene.spheres[primitive as usize - triangles], ray, t_max)?;
-            Some(Hit { t, primitive, uv: [0.0; 2] })
-        }
+impl Trace for Accel {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        Accel::closest(self, ray, t_max)
     }
 
-    #[cold]
-    fn is_masked_out(&self, ray: &Ray, hit: &Hit) -> bool {
-        let surface = Surface::at(&self.scene, ray, hit);
-        let m = surface.material;
-        m.mask_texture != NONE && lookup(&self.scene.textures, m.mask_texture, surface.uv, m.tiling).x < MASK_THRESHOLD
+    fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        Accel::occluded(self, ray, t_max)
     }
 }

@@ -1,10 +1,11 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
-//! [`accel`] holds the hierarchy and the one traversal loop, [`renderer`] the one loop over pixels and samples, and
-//! [`rates`] the measurement of both that `lumbre bench` prints.
+//! [`accel`] holds the hierarchy and the one traversal loop, [`renderer`] the one loop over pixels and samples, `layers`
+//! the sums of films beside the main one, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
 mod intersect;
+mod layers;
 pub mod rates;
 pub mod renderer;
 
@@ -18,5 +19,6 @@ pub const ROW: BackendRow = BackendRow {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(format!("{threads} hardware threads"))
     },
+    layers: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
 };

@@ -10,7 +10,7 @@ use super::accel::{Accel, TooDeep};
 use crate::math::{Frame, stats::median, warp};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{Camera, FilterKind, FilterSpec};
-use crate::transport::light::Lights;
+use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::Surface;
@@ -50,7 +50,7 @@ pub fn measure(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize)
         .map(|pixel| (camera.sample_ray(pixel, &mut Sampler::new(1, pixel, 0)), f32::INFINITY))
         .collect();
     let hits: Vec<(Query, Hit)> = primary.iter().filter_map(|q| Some((*q, accel.closest(&q.0, q.1)?))).collect();
-    let lights = Lights::new(scene);
+    let lights = Lights::with_select(scene, Select::Area);
     let mut bounce: Vec<Query> = Vec::with_capacity(hits.len());
     let mut shadow: Vec<Query> = Vec::new();
     for (i, ((ray, _), hit)) in hits.iter().enumerate() {
@@ -59,8 +59,8 @@ pub fn measure(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize)
         let side = if ray.dir.dot(surface.n_geometric) > 0.0 { -surface.n_geometric } else { surface.n_geometric };
         let wi = Frame::from_normal(side).to_world(warp::cosine_hemisphere(sampler.next_2d()));
         bounce.push((surface.spawn(wi), f32::INFINITY));
-        if let Some(light) = lights.sample_area(scene, sampler.next_1d(), sampler.next_2d()) {
-            let to: Vec3 = light.position - surface.position;
+        if let Some(light) = lights.sample_emission(scene, sampler.next_1d(), sampler.next_2d(), [0.5; 2]) {
+            let to: Vec3 = light.point.position - surface.position;
             let distance = to.length();
             if let Some(dir) = to.try_normalize() {
                 shadow.push((surface.spawn(dir), distance * (1.0 - 1e-3)));

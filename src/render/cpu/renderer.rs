@@ -1,26 +1,29 @@
 //! The loop over pixels and samples.
 
 use std::cell::Cell;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
+use super::layers::{LayerSums, Sums, Tally};
 use crate::film::Film;
+use crate::film::layer::LayerFilm;
+use crate::film::splat::SplatSums;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
-use crate::transport::integrator::Context;
-use crate::transport::light::Lights;
+use crate::transport::integrator::{Context, Settings};
+use crate::transport::light::{Lights, Select};
 use crate::transport::ray::{Hit, Ray, Trace};
-use crate::transport::sampler::Sampler;
 
 /// A run on the CPU.
 ///
 /// Every pixel's samples are added to its sums in the order of their index by one thread, so the film has the same bits
-/// for any number of threads and for any grouping of samples into waves.
+/// for any number of threads and for any grouping of samples into waves. Splats, light for pixels other than the
+/// sample's own, are summed apart in whole numbers, whose order does not matter, and join the film after each wave.
 pub struct CpuRenderer {
     scene: Arc<CompiledScene>,
     accel: Accel,
@@ -28,7 +31,14 @@ pub struct CpuRenderer {
     lights: Lights,
     job: Job,
     pool: rayon::ThreadPool,
-    film: Film,
+    /// What samples brought to their own pixels.
+    own: Film,
+    /// What they brought elsewhere; there from the first splat on.
+    splats: OnceLock<SplatSums>,
+    /// Both together, where there are splats.
+    joint: Option<Film>,
+    /// The layers, where the job asks for any.
+    layers: Option<LayerSums>,
     open_stats: OpenStats,
 }
 
@@ -36,9 +46,10 @@ impl CpuRenderer {
     /// Builds everything that is not per sample.
     ///
     /// # Errors
-    /// When the threads cannot be started or the scene's hierarchy cannot be used.
+    /// When the threads cannot be started, the scene's hierarchy cannot be used, or the layers are too large.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, RenderError> {
         let failed = |reason: String| RenderError::Failed { backend: "cpu", reason };
+        let layers = LayerSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(job.threads)
             .thread_name(|i| format!("render-{i}"))
@@ -52,14 +63,30 @@ impl CpuRenderer {
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
-            lights: Lights::new(&scene),
-            film: Film::new(job.resolution[0], job.resolution[1]),
+            lights: Lights::with_select(&scene, Select::of(&job.params)),
+            own: Film::new(job.resolution[0], job.resolution[1]),
+            splats: OnceLock::new(),
+            joint: None,
+            layers,
             accel,
             scene,
             job,
             pool,
             open_stats,
         })
+    }
+}
+
+impl CpuRenderer {
+    /// Joins splats and own samples into one film.
+    fn join(&mut self) {
+        let Some(splats) = self.splats.get().filter(|_| self.own.samples > 0) else { return };
+        let own = &self.own;
+        let film = self.joint.get_or_insert_with(|| Film::new(own.width, own.height));
+        film.samples = own.samples;
+        for (i, (sum, sum2)) in film.sum.iter_mut().zip(&mut film.sum2).enumerate() {
+            (*sum, *sum2) = splats.join(i, own.sum[i], own.sum2[i], own.samples);
+        }
     }
 }
 
@@ -103,10 +130,12 @@ impl Trace for Counted<'_> {
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
-        let first = self.film.samples;
-        let width = self.film.width as usize;
-        let CpuRenderer { scene, accel, camera, lights, job, film, pool, .. } = self;
-        let render_row = |y: usize, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]]| {
+        let first = self.own.samples;
+        let [width, height] = [self.own.width, self.own.height];
+        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, pool, .. } = self;
+        let settings = Settings::new(&job.params);
+        let (mut layer_rows, spec) = LayerSums::rows(layers, height);
+        let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]], layer_row: Option<&mut [Sums]>| {
             let trace = Counted { accel, rays: Cell::new(0) };
             let context = Context {
                 scene,
@@ -115,38 +144,69 @@ impl Renderer for CpuRenderer {
                 trace: &trace,
                 max_depth: job.max_depth,
                 rr_start: job.rr_start,
-                params: &job.params,
+                settings: &settings,
             };
             let mut stats = RowStats::default();
+            let mut tally = layer_row.zip(spec).map(|(row, spec)| Tally::new(spec, row));
             for x in 0..width {
-                let pixel = [x as u32, y as u32];
+                let pixel = [x, y];
                 for sample in first..first + samples {
                     let mut value = Vec3::ZERO;
-                    let mut sampler = Sampler::new(job.seed, pixel, sample);
-                    (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| value += c.value);
-                    if !value.is_finite() {
-                        let here = RowStats { rays: 0, invalid: 1, first_invalid: Some([sample, y as u64, x as u64]) };
-                        stats = stats.merge(here);
-                        continue;
+                    let mut invalid = 0;
+                    let rays = trace.rays.get();
+                    let mut sampler = (job.sampler.start)(job.seed, pixel, sample);
+                    (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
+                        if c.t != 1 && c.pixel == pixel {
+                            value += c.value;
+                            invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
+                        } else {
+                            let inside = c.pixel[0] < width && c.pixel[1] < height;
+                            let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
+                            let sums = || splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
+                            if c.value != Vec3::ZERO && !(inside && sums().add(at, c.value.to_array())) {
+                                invalid += 1;
+                            } else if let Some(tally) = tally.as_mut().filter(|_| inside) {
+                                invalid += tally.splat(at, &c);
+                            }
+                        }
+                    });
+                    let finite = value.is_finite();
+                    if finite {
+                        for c in 0..3 {
+                            let v = f64::from(value[c]);
+                            sum[x as usize][c] += v;
+                            sum2[x as usize][c] += v * v;
+                        }
+                    } else {
+                        invalid += 1;
                     }
-                    for c in 0..3 {
-                        let v = f64::from(value[c]);
-                        sum[x][c] += v;
-                        sum2[x][c] += v * v;
+                    if let Some(tally) = &mut tally {
+                        let rays = trace.rays.get() - rays;
+                        let again = || (job.sampler.start)(job.seed, pixel, sample);
+                        invalid += tally.close(&context, pixel, finite, rays, again);
+                    }
+                    if invalid > 0 {
+                        let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
+                        stats = stats.merge(RowStats { rays: 0, invalid, first_invalid });
                     }
                 }
             }
             RowStats { rays: trace.rays.get(), ..stats }
         };
         let stats = pool.install(|| {
+            let width = width as usize;
             let rows = film.sum.par_chunks_mut(width).zip(film.sum2.par_chunks_mut(width)).enumerate();
-            rows.map(|(y, (sum, sum2))| render_row(y, sum, sum2)).reduce(RowStats::default, RowStats::merge)
+            let rows = rows.zip(layer_rows.par_iter_mut());
+            rows.map(|((y, (sum, sum2)), layers)| render_row(y as u32, sum, sum2, layers.take()))
+                .reduce(RowStats::default, RowStats::merge)
         });
         film.samples += samples;
+        let paths = samples * film.sum.len() as u64;
+        self.join();
         Ok(WaveStats {
             samples,
             render_s: start.elapsed().as_secs_f64(),
-            paths: samples * film.sum.len() as u64,
+            paths,
             rays: stats.rays,
             invalid: stats.invalid,
             first_invalid: stats.first_invalid.map(|[sample, y, x]| [x, y, sample]),
@@ -154,7 +214,16 @@ impl Renderer for CpuRenderer {
     }
 
     fn film(&self) -> &Film {
-        &self.film
+        self.joint.as_ref().unwrap_or(&self.own)
+    }
+
+    fn layers(&self) -> &[LayerFilm] {
+        self.layers.as_ref().map_or(&[], LayerSums::films)
+    }
+
+    fn layer(&self, index: usize) -> Option<Film> {
+        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
+        Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
     }
 
     fn open_stats(&self) -> &OpenStats {

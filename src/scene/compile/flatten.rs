@@ -1,10 +1,12 @@
 //! Entities to world-space triangles, spheres and emitters.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
-use super::{CompiledScene, Emitter, NONE, Sphere, TriangleAttributes, materials};
+use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, lights, materials, tangents};
+use crate::math::distribution::Alias;
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
 use crate::scene::{Note, SceneError};
 use crate::value::schema::SchemaError;
@@ -29,11 +31,13 @@ const PARALLEL_SINE: f32 = 1e-5;
 ///
 /// # Errors
 /// A camera that looks nowhere, a point beyond the range of coordinates, a mesh whose arrays do not belong together,
-/// or more primitives than [`MAX_PRIMITIVES`].
+/// more primitives than [`MAX_PRIMITIVES`], more lights than [`Alias`] can choose among, or a material or light with values
+/// that mean nothing.
 pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
-    let (rows, textures) = materials::rows(desc, &mut notes);
+    let (rows, textures) = materials::rows(desc, &mut notes)?;
+    let unbound = lights::compile(desc, &mut notes)?;
     let count = desc.entities.iter().map(|e| match &e.shape {
         ShapeDesc::Mesh(m) => m.triangles.len(),
         ShapeDesc::Sphere { .. } => 1,
@@ -47,10 +51,14 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
         content_hash: content_hash(desc),
         triangles: Vec::with_capacity(total),
         attributes: Vec::with_capacity(total),
+        tangents: Vec::new(),
         spheres: Vec::new(),
         materials: rows,
         textures,
         emitters: Vec::new(),
+        points: unbound.points,
+        directionals: unbound.directionals,
+        environment: unbound.environment,
         camera,
         bounds: [Vec3::ZERO; 2],
         resolution: desc.resolution,
@@ -69,10 +77,17 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
     }
     let mut notes = names.notes;
     scene.bounds = bounds(&scene);
+    let lights = scene.emitters.len() + scene.points.len() + scene.directionals.len();
+    if lights >= Alias::MAX_ITEMS {
+        let problem = format!("{lights} triangles, spheres and other lights shine, more than {}", Alias::MAX_ITEMS - 1);
+        return Err(malformed(Path::new(""), "entities".to_owned(), problem));
+    }
     let whole = |message: &str| Note { file: PathBuf::new(), place: "scene".to_owned(), message: message.to_owned() };
-    if scene.primitive_count() == 0 {
+    let dark = scene.emitters.is_empty() && scene.points.is_empty() && scene.directionals.is_empty();
+    let surrounded = scene.environment.is_some();
+    if scene.primitive_count() == 0 && !surrounded {
         notes.push(whole("it has no surfaces: the picture will be black"));
-    } else if scene.emitters.is_empty() {
+    } else if dark && !surrounded {
         notes.push(whole("nothing emits light: the picture will be black"));
     }
     Ok((scene, notes))
@@ -158,6 +173,8 @@ fn add_mesh(
     if let Some(i) = world.iter().position(|p| !in_range(*p)) {
         return Err(fail(format!("its vertex {i} lies at {}, not within {MAX_COORDINATE:e} of the origin", world[i])));
     }
+    let rows = overridden(scene, rows, entity);
+    let first = scene.triangles.len();
     let mut dropped = [0usize; 2];
     for (corners, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
         // A mirrored triangle keeps its front when its corners run the other way round.
@@ -182,6 +199,7 @@ fn add_mesh(
         });
         scene.triangles.push(points);
     }
+    tangents::add(scene, first, !mesh.uvs.is_empty());
     for (n, what) in dropped.into_iter().zip(["", " of a light"]) {
         if n > 0 {
             names.notes.push(Note {
@@ -241,6 +259,20 @@ fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
     })
 }
 
+/// The rows with the entity's own direction of anisotropy, if it has one: copies appended to the scene's materials.
+fn overridden(scene: &mut CompiledScene, rows: Vec<u32>, entity: &EntityDesc) -> Vec<u32> {
+    let Some(direction) = entity.anisotropic_direction else { return rows };
+    let mut copies = BTreeMap::new();
+    let copy = |row: u32| {
+        *copies.entry(row).or_insert_with(|| {
+            let original = scene.materials[row as usize];
+            scene.materials.push(Material { anisotropic_direction: direction, anisotropic_texture: NONE, ..original });
+            scene.materials.len() as u32 - 1
+        })
+    };
+    rows.into_iter().map(copy).collect()
+}
+
 fn push_emitter(scene: &mut CompiledScene, primitive: usize, area: f32) -> u32 {
     scene.emitters.push(Emitter { primitive: primitive as u32, area });
     scene.emitters.len() as u32 - 1
@@ -262,6 +294,7 @@ fn add_sphere(
         return fail(format!("its centre {center} does not lie within {MAX_COORDINATE:e} of the origin"));
     }
     let material = entity.material.as_deref().map_or(0, |name| names.row(name, Path::new(""), &place));
+    let [material] = overridden(scene, vec![material], entity)[..] else { return Ok(()) };
     let area = 4.0 * std::f64::consts::PI * f64::from(radius).powi(2);
     let shines = scene.materials[material as usize].emission != Vec3::ZERO;
     let emitter = if shines && area as f32 > 0.0 {
@@ -294,7 +327,7 @@ fn bounds(scene: &CompiledScene) -> [Vec3; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{MaterialDesc, Transform, mesh_hash};
+    use crate::scene::desc::{MaterialDesc, Optics, Transform, mesh_hash};
     use std::sync::Arc;
 
     fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<MeshDesc> {
@@ -323,13 +356,22 @@ mod tests {
                 fov_deg: 45.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             materials: vec![material],
             entities: shapes
                 .into_iter()
                 .enumerate()
-                .map(|(i, (shape, transform))| EntityDesc { name: format!("e{i}"), transform, material: None, shape })
+                .map(|(i, (shape, transform))| EntityDesc {
+                    name: format!("e{i}"),
+                    transform,
+                    material: None,
+                    anisotropic_direction: None,
+                    shape,
+                })
                 .collect(),
+            lights: vec![],
+            environment: None,
         }
     }
 
@@ -426,15 +468,30 @@ mod tests {
     }
 
     #[test]
-    fn darkness_unknown_names_and_ignored_roughness_are_noted() {
+    fn darkness_and_unknown_names_are_noted() {
         let metal = MaterialDesc { metallic: 0.5, roughness: 0.3, ..MaterialDesc::new("other") };
         let (c, notes) = compile(&scene(vec![(triangle(), Transform::default())], metal)).unwrap();
         let all = notes.iter().map(Note::to_string).collect::<Vec<_>>().join("\n");
-        assert!(all.contains("materials.other.roughness: 0.3 has no effect yet"), "{all}");
         assert!(all.contains("m.obj: entities.e0: no material is named `m`"), "{all}");
         assert!(all.contains("scene: nothing emits light"), "{all}");
         assert_eq!(c.attributes[0].material, 0);
-        assert_eq!(notes.len(), 3);
+        assert_eq!(notes.len(), 2);
+    }
+
+    #[test]
+    fn an_entitys_direction_of_anisotropy_is_its_own() {
+        let brushed = MaterialDesc { anisotropic: 0.8, ..MaterialDesc::new("m") };
+        let mut s = scene(
+            vec![
+                (ShapeDesc::Sphere { radius: 1.0 }, Transform::default()),
+                (ShapeDesc::Sphere { radius: 2.0 }, Transform::default()),
+            ],
+            brushed,
+        );
+        s.entities[1].anisotropic_direction = Some(Vec3::Y);
+        let (c, _) = compile(&s).unwrap();
+        let direction = |i: usize| c.materials[c.spheres[i].material as usize].anisotropic_direction;
+        assert_eq!((direction(0), direction(1)), (Vec3::ZERO, Vec3::Y));
     }
 
     #[test]

@@ -1,41 +1,55 @@
 //! Material rows and the textures they share.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Material, NONE, Texture};
-use crate::scene::Note;
-use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot};
-
-/// Up to this roughness a specular lobe looks like the smooth one that this version has: its GGX alpha is 0.0025.
-const SMOOTH_ROUGHNESS: f32 = 0.05;
+use super::{Material, NONE, Texture, UvMap};
+use crate::scene::desc::{
+    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot,
+};
+use crate::scene::{Note, SceneError};
+use crate::value::Value;
+use crate::value::schema::{SchemaError, Ty};
 
 /// Rows for every material of the scene, and one default row for a scene without any.
-pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> (Vec<Material>, Vec<Texture>) {
+///
+/// # Errors
+/// A parameter that is no finite number, or lies outside its range: loaders and edits leave none, code may.
+pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<(Vec<Material>, Vec<Texture>), SceneError> {
+    desc.materials.iter().try_for_each(check)?;
     let mut bank = Bank::default();
     let mut rows: Vec<Material> = desc.materials.iter().map(|m| row(m, &mut bank, notes)).collect();
     if rows.is_empty() {
         rows.push(row(&MaterialDesc::new(DEFAULT_MATERIAL), &mut bank, notes));
     }
-    (rows, bank.textures)
+    Ok((rows, bank.textures))
+}
+
+/// Whether every number of a material means something.
+fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
+    for row in MATERIAL_PARAMS {
+        let (Ty::Num { min, max } | Ty::Nums { min, max, .. }) = row.ty else { continue };
+        let value = (row.get)(m);
+        // A bound that `f32` cannot hold is met by the number next to it.
+        let slack = |bound: f64| f64::from(f32::EPSILON) * bound.abs();
+        let fits = |x: &Value| x.as_f64().is_some_and(|x| x >= min - slack(min) && x <= max + slack(max));
+        if !value.as_list().map_or_else(|| fits(&value), |items| items.iter().all(fits)) {
+            return Err(SchemaError {
+                path: format!("materials.{}.{}", m.name, row.name),
+                problem: format!("{value} is out of range: expected {}", row.ty.describe()),
+                help: None,
+                key: row.name.to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
     let shines = m.emission != Vec3::ZERO;
     let reflects = !shines || m.emitter_reflects;
-    if reflects && (m.metallic > 0.0 || m.opacity < 1.0) && m.roughness > SMOOTH_ROUGHNESS {
-        notes.push(Note {
-            file: PathBuf::new(),
-            place: format!("materials.{}.roughness", m.name),
-            message: format!(
-                "{} has no effect yet: metal and glass are smooth, and the opaque part is Lambertian",
-                m.roughness
-            ),
-        });
-    }
     let mut texture = |slot: TextureSlot, used: bool| match m.texture(slot) {
         Some(t) if used => bank.index(t, slot, notes),
         _ => NONE,
@@ -47,10 +61,29 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
         metallic: m.metallic,
         opacity: m.opacity,
         ior: m.ior,
+        model: m.model,
+        subsurface: m.subsurface,
+        specular_tint: m.specular_tint,
+        anisotropic: m.anisotropic,
+        anisotropic_direction: m.anisotropic_direction,
+        sheen: m.sheen,
+        sheen_tint: m.sheen_tint,
+        clearcoat: m.clearcoat,
+        clearcoat_gloss: m.clearcoat_gloss,
+        smooth_below: m.smooth_below,
+        normal_strength: m.normal_strength,
+        mask_threshold: m.mask_threshold,
+        mask_mode: m.mask_mode,
+        shadow_terminator: m.shadow_terminator,
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, shines),
         mask_texture: texture(TextureSlot::Mask, true),
-        tiling: m.tiling,
+        roughness_texture: texture(TextureSlot::Roughness, reflects && m.model == Model::Disney),
+        metallic_texture: texture(TextureSlot::Metallic, reflects),
+        opacity_texture: texture(TextureSlot::Opacity, reflects),
+        anisotropic_texture: texture(TextureSlot::AnisotropicDirection, reflects && m.anisotropic > 0.0),
+        normal_texture: texture(TextureSlot::Normal, reflects && m.normal_strength > 0.0),
+        tiling: UvMap { scale: m.tiling, offset: m.uv_offset },
         emitter_reflects: reflects,
     }
 }
@@ -59,23 +92,28 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
 #[derive(Default)]
 struct Bank {
     textures: Vec<Texture>,
-    /// By content, sRGB decoding, and clamping to 0..=1.
-    index: BTreeMap<([u8; 32], bool, bool), u32>,
+    /// By content, sRGB decoding, and whether values below 0 and above 1 are moved.
+    index: BTreeMap<([u8; 32], bool, [bool; 2]), u32>,
 }
 
 impl Bank {
     fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
         // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
-        let bounded = slot == TextureSlot::BaseColor && matches!(desc.texels, Texels::RgbaF32(_));
+        let float = matches!(desc.texels, Texels::RgbaF32(_));
+        let bounded = match slot {
+            TextureSlot::Mask => [false; 2],
+            TextureSlot::Emission => [float, false],
+            _ => [float; 2],
+        };
         *self.index.entry((desc.content_hash, slot.is_srgb(), bounded)).or_insert_with(|| {
             let mut texture = Texture::decode(desc, slot.is_srgb());
-            if bounded && clamp(&mut texture) {
-                notes.push(Note {
-                    file: desc.file.clone(),
-                    place: "image".to_owned(),
-                    message: "it holds values outside 0 to 1, which no surface can reflect: they are clamped"
-                        .to_owned(),
-                });
+            if clamp(&mut texture, bounded) {
+                let message = match bounded {
+                    [_, true] => "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped",
+                    _ => "it holds negative values, which no light can have: they count as black",
+                };
+                let message = message.to_owned();
+                notes.push(Note { file: desc.file.clone(), place: "image".to_owned(), message });
             }
             self.textures.push(texture);
             self.textures.len() as u32 - 1
@@ -83,11 +121,12 @@ impl Bank {
     }
 }
 
-/// Moves texels into 0..=1; says whether any moved.
-fn clamp(texture: &mut Texture) -> bool {
+/// Moves texels below 0 to 0 and above 1 to 1, where asked to; says whether any moved.
+fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
+    let (low, high) = (if below { 0.0 } else { f32::NEG_INFINITY }, if above { 1.0 } else { f32::INFINITY });
     let mut moved = false;
     for x in texture.texels.as_flattened_mut() {
-        let inside = x.clamp(0.0, 1.0);
+        let inside = x.clamp(low, high);
         moved |= inside != *x;
         *x = inside;
     }
@@ -96,15 +135,17 @@ fn clamp(texture: &mut Texture) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
-    use crate::scene::desc::{CameraDesc, texture_hash};
+    use crate::scene::desc::{CameraDesc, Optics, texture_hash};
 
     fn texture(texels: Texels) -> Arc<TextureDesc> {
         let content_hash = texture_hash(1, 1, &texels);
         Arc::new(TextureDesc { file: PathBuf::from("t"), width: 1, height: 1, texels, content_hash })
     }
 
-    fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
+    fn scene(materials: Vec<MaterialDesc>) -> SceneDesc {
         let camera = CameraDesc {
             position: Vec3::Z,
             target: Vec3::ZERO,
@@ -112,11 +153,65 @@ mod tests {
             fov_deg: 45.0,
             aperture: 0.0,
             focus_distance: None,
+            optics: Optics::default(),
         };
-        let desc = SceneDesc { resolution: [1, 1], max_depth: 1, camera, materials, entities: vec![] };
+        SceneDesc {
+            resolution: [1, 1],
+            max_depth: 1,
+            camera,
+            materials,
+            entities: vec![],
+            lights: vec![],
+            environment: None,
+        }
+    }
+
+    fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
         let mut notes = Vec::new();
-        let (rows, textures) = rows(&desc, &mut notes);
+        let (rows, textures) = rows(&scene(materials), &mut notes).unwrap();
         (rows, textures, notes)
+    }
+
+    #[test]
+    fn numbers_that_mean_nothing_are_errors_that_name_material_and_parameter() {
+        type Break = (&'static str, fn(&mut MaterialDesc));
+        let breaks: [Break; 7] = [
+            ("roughness", |m| m.roughness = f32::NAN),
+            ("roughness", |m| m.roughness = -0.1),
+            ("ior", |m| m.ior = 0.0),
+            ("ior", |m| m.ior = -1.5),
+            ("base_color", |m| m.base_color.y = f32::NAN),
+            ("emission", |m| m.emission.x = f32::INFINITY),
+            ("tiling", |m| m.tiling = f32::INFINITY),
+        ];
+        for (name, change) in breaks {
+            let mut m = MaterialDesc::new("oak");
+            change(&mut m);
+            let e = rows(&scene(vec![MaterialDesc::new("fine"), m]), &mut Vec::new()).unwrap_err().to_string();
+            assert!(e.contains(&format!("materials.oak.{name}")), "{e}");
+        }
+        let edge = MaterialDesc { ior: crate::scene::desc::material::MIN_IOR as f32, ..MaterialDesc::new("m") };
+        assert!(rows(&scene(vec![edge]), &mut Vec::new()).is_ok());
+    }
+
+    #[test]
+    fn data_textures_are_linear_and_share_their_texels() {
+        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]]));
+        let mut m = MaterialDesc { anisotropic: 0.5, ..MaterialDesc::new("m") };
+        m.textures = vec![
+            (TextureSlot::Roughness, grey()),
+            (TextureSlot::Metallic, grey()),
+            (TextureSlot::Opacity, grey()),
+            (TextureSlot::AnisotropicDirection, grey()),
+            (TextureSlot::Normal, grey()),
+        ];
+        let (rows, textures, _) = compiled(vec![m]);
+        assert_eq!(textures.len(), 1);
+        assert_eq!(textures[0].texels[0], [128.0 / 255.0; 3]);
+        let r = rows[0];
+        let used =
+            [r.roughness_texture, r.metallic_texture, r.opacity_texture, r.anisotropic_texture, r.normal_texture];
+        assert_eq!(used, [0; 5]);
     }
 
     #[test]
@@ -144,5 +239,14 @@ mod tests {
         assert_eq!(textures[rows[0].base_color_texture as usize].texels[0], [1.0, 0.5, 0.0]);
         assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.5, 0.0]);
         assert_eq!(notes.len(), 1);
+    }
+
+    #[test]
+    fn negative_light_is_black_and_noted() {
+        let mut m = MaterialDesc { emission: Vec3::ONE, ..MaterialDesc::new("m") };
+        m.textures = vec![(TextureSlot::Emission, texture(Texels::RgbaF32(vec![[4.0, -0.5, 0.0, 1.0]])))];
+        let (rows, textures, notes) = compiled(vec![m]);
+        assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.0, 0.0]);
+        assert!(notes.len() == 1 && notes[0].message.contains("negative"), "{notes:?}");
     }
 }

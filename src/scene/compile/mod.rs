@@ -1,15 +1,19 @@
 //! From a description to the flat arrays that a backend renders.
 
 mod flatten;
+mod lights;
 mod materials;
+mod tangents;
 mod texture;
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 pub use flatten::{MAX_PRIMITIVES, compile};
-pub use texture::Texture;
+pub use lights::{DirectionalLight, Environment, PointLight};
+pub use texture::{Texture, UvMap};
 
 use super::desc::CameraDesc;
+pub use super::desc::{MaskMode, Model};
 
 /// Marks the absence of a texture or of a light in an index.
 pub const NONE: u32 = u32::MAX;
@@ -23,6 +27,9 @@ pub struct CompiledScene {
     pub triangles: Vec<[Vec3; 3]>,
     /// Everything else about the same triangle.
     pub attributes: Vec<TriangleAttributes>,
+    /// Tangents at the corners of every triangle in MikkTSpace: a unit vector along growing u, and in `w` the sign of
+    /// the bitangent `w (n x t)` that points along growing v. Empty if no material needs any; zero where there is none.
+    pub tangents: Vec<[Vec4; 3]>,
     /// Analytic spheres.
     pub spheres: Vec<Sphere>,
     /// Material rows; primitives index them.
@@ -31,6 +38,12 @@ pub struct CompiledScene {
     pub textures: Vec<Texture>,
     /// Emissive primitives, in order of primitive id.
     pub emitters: Vec<Emitter>,
+    /// Lights that are points.
+    pub points: Vec<PointLight>,
+    /// Lights that are directions.
+    pub directionals: Vec<DirectionalLight>,
+    /// Light from outside the scene.
+    pub environment: Option<Environment>,
     /// The camera.
     pub camera: CameraDesc,
     /// The corners of the box around everything; both zero for an empty scene.
@@ -74,6 +87,8 @@ pub struct Material {
     pub base_color: Vec3,
     /// Emitted radiance of the front side.
     pub emission: Vec3,
+    /// Which BSDF the parameters describe.
+    pub model: Model,
     /// Perceptual roughness.
     pub roughness: f32,
     /// 0 dielectric to 1 metal.
@@ -82,14 +97,50 @@ pub struct Material {
     pub opacity: f32,
     /// Index of refraction relative to the outside.
     pub ior: f32,
+    /// Part of the flatter diffuse lobe.
+    pub subsurface: f32,
+    /// Hue in the dielectric's reflectance at normal incidence.
+    pub specular_tint: f32,
+    /// Stretch of highlights.
+    pub anisotropic: f32,
+    /// World-space direction of the stretch; zero is the direction of growing u.
+    pub anisotropic_direction: Vec3,
+    /// Sheen.
+    pub sheen: f32,
+    /// Hue of the sheen.
+    pub sheen_tint: f32,
+    /// Clear coat.
+    pub clearcoat: f32,
+    /// Gloss of the clear coat.
+    pub clearcoat_gloss: f32,
+    /// Roughness below which specular lobes are Dirac lobes.
+    pub smooth_below: f32,
+    /// Factor on the slope of the normal map.
+    pub normal_strength: f32,
+    /// Mask values below this are holes.
+    pub mask_threshold: f32,
+    /// How a mask decides.
+    pub mask_mode: MaskMode,
+    /// Whether paths leave opaque triangles from the surface that their normals suggest.
+    pub shadow_terminator: bool,
     /// Texture that multiplies `base_color`, or [`NONE`].
     pub base_color_texture: u32,
     /// Texture that multiplies `emission`, or [`NONE`].
     pub emission_texture: u32,
     /// Texture whose red channel below the mask threshold makes a hit a miss, or [`NONE`].
     pub mask_texture: u32,
-    /// Factor on texture coordinates.
-    pub tiling: f32,
+    /// Texture whose red channel replaces `roughness`, or [`NONE`].
+    pub roughness_texture: u32,
+    /// Texture whose red channel replaces `metallic`, or [`NONE`].
+    pub metallic_texture: u32,
+    /// Texture whose red channel replaces `opacity`, or [`NONE`].
+    pub opacity_texture: u32,
+    /// Texture of directions in the tangent frame that replaces `anisotropic_direction`, or [`NONE`].
+    pub anisotropic_texture: u32,
+    /// Normal map, or [`NONE`].
+    pub normal_texture: u32,
+    /// From texture coordinates to places in the textures.
+    pub tiling: UvMap,
     /// Whether the surface of a light also reflects; where not, a path that hits it ends.
     pub emitter_reflects: bool,
 }
@@ -101,6 +152,13 @@ pub struct Emitter {
     pub primitive: u32,
     /// Area in square scene units, positive.
     pub area: f32,
+}
+
+impl Material {
+    /// Whether shading needs tangents.
+    pub fn uses_tangents(&self) -> bool {
+        self.normal_texture != NONE || (self.model == Model::Disney && self.anisotropic > 0.0)
+    }
 }
 
 impl CompiledScene {

@@ -4,6 +4,26 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::desc::{Texels, TextureDesc};
 
+/// From texture coordinates to places in a texture: a factor, then an offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvMap {
+    /// The factor: how often a texture repeats.
+    pub scale: f32,
+    /// The offset in repeats.
+    pub offset: Vec2,
+}
+
+impl UvMap {
+    /// The map that changes nothing.
+    pub const IDENTITY: UvMap = UvMap { scale: 1.0, offset: Vec2::ZERO };
+
+    /// The place in a texture of texture coordinates.
+    #[inline]
+    pub fn apply(self, uv: Vec2) -> Vec2 {
+        uv * self.scale + self.offset
+    }
+}
+
 /// A texture in linear colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {

@@ -1,16 +1,18 @@
 //! What makes two descriptions the same picture: canonical blake3 hashes of meshes, textures and whole scenes.
 //!
 //! Every field is written with a fixed width or with its length before it, so that no two scenes share an encoding.
-//! `-0.0` counts as `0.0`. File paths and the names of entities and materials do not decide a picture and are left
+//! `-0.0` counts as `0.0`. File paths and the names of entities, materials and lights do not decide a picture and are left
 //! out of a scene's hash: a material counts by its row.
 
 use blake3::Hasher;
 use glam::{Vec2, Vec3};
 
-use super::{EntityDesc, MATERIAL_PARAMS, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels};
+use super::{
+    EntityDesc, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels,
+};
 
 /// Changes whenever the encoding below does, so that hashes of different encodings never meet.
-const SCENE_TAG: &[u8] = b"lumbre scene 1";
+const SCENE_TAG: &[u8] = b"lumbre scene 2";
 const MESH_TAG: &[u8] = b"lumbre mesh 1";
 const TEXTURE_TAG: &[u8] = b"lumbre texture 1";
 
@@ -27,15 +29,42 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
     for v in [camera.position, camera.target, camera.up] {
         vec3(&mut h, v);
     }
-    float(&mut h, camera.fov_deg);
-    float(&mut h, camera.aperture);
+    float(&mut h, camera.view_deg());
+    float(&mut h, camera.lens_diameter());
     int(&mut h, u64::from(camera.focus_distance.is_some()));
     float(&mut h, camera.focus_distance.unwrap_or(0.0));
     int(&mut h, desc.materials.len() as u64);
     desc.materials.iter().for_each(|m| material(&mut h, m));
     int(&mut h, desc.entities.len() as u64);
     desc.entities.iter().for_each(|e| entity(&mut h, desc, e));
+    lights(&mut h, desc);
     *h.finalize().as_bytes()
+}
+
+fn lights(h: &mut Hasher, desc: &SceneDesc) {
+    int(h, desc.lights.len() as u64);
+    for light in &desc.lights {
+        let (tag, place, color) = match light.kind {
+            LightKind::Point { position, intensity } => (0, position, intensity),
+            LightKind::Directional { direction, irradiance } => (1, direction, irradiance),
+        };
+        int(h, tag);
+        vec3(h, place);
+        vec3(h, color);
+    }
+    let Some(environment) = &desc.environment else { return int(h, 0) };
+    match &environment.source {
+        EnvironmentSource::Color(color) => {
+            int(h, 1);
+            vec3(h, *color);
+        }
+        EnvironmentSource::Map(map) => {
+            int(h, 2);
+            h.update(&map.content_hash);
+        }
+    }
+    float(h, environment.rotation_deg);
+    float(h, environment.scale);
 }
 
 fn material(h: &mut Hasher, m: &MaterialDesc) {
@@ -53,6 +82,8 @@ fn material(h: &mut Hasher, m: &MaterialDesc) {
 fn entity(h: &mut Hasher, desc: &SceneDesc, e: &EntityDesc) {
     let row = |name: &str| desc.material_row(name).unwrap_or(0) as u64;
     vec3(h, e.transform.translate);
+    int(h, u64::from(e.anisotropic_direction.is_some()));
+    vec3(h, e.anisotropic_direction.unwrap_or(Vec3::ZERO));
     match &e.shape {
         ShapeDesc::Sphere { radius } => {
             int(h, 0);
@@ -136,7 +167,7 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, Transform};
+    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Optics, Transform};
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -160,6 +191,7 @@ mod tests {
             name: name.to_owned(),
             transform: Transform::default(),
             material: None,
+            anisotropic_direction: None,
             shape,
         };
         SceneDesc {
@@ -172,12 +204,15 @@ mod tests {
                 fov_deg: 45.0,
                 aperture: 0.0,
                 focus_distance: None,
+                optics: Optics::default(),
             },
             materials: vec![MaterialDesc::new("m"), MaterialDesc::new("n")],
             entities: vec![
                 entity("a", ShapeDesc::Mesh(Arc::new(mesh()))),
                 entity("s", ShapeDesc::Sphere { radius: 1.0 }),
             ],
+            lights: vec![],
+            environment: None,
         }
     }
 
@@ -196,6 +231,38 @@ mod tests {
         assert_ne!(content_hash(&a), content_hash(&b));
         b.entities[0].material = Some("nobody".to_owned());
         assert_eq!(content_hash(&a), content_hash(&b), "an unknown name is the first material");
+    }
+
+    #[test]
+    fn every_value_of_a_light_and_of_the_environment_counts_but_no_name() {
+        let lit = || {
+            let mut s = scene();
+            let sun = LightKind::Directional { direction: Vec3::X, irradiance: Vec3::Y };
+            let lamp = LightKind::Point { position: Vec3::X, intensity: Vec3::Y };
+            s.lights = [sun, lamp].map(|kind| LightDesc { name: "l".to_owned(), kind }).to_vec();
+            let source = EnvironmentSource::Color(Vec3::ONE);
+            s.environment = Some(EnvironmentDesc { source, rotation_deg: 0.0, scale: 1.0 });
+            s
+        };
+        let changes: [fn(&mut SceneDesc); 8] = [
+            |s| s.lights[0].kind = LightKind::Point { position: Vec3::X, intensity: Vec3::Y },
+            |s| s.lights[0].kind = LightKind::Directional { direction: Vec3::Z, irradiance: Vec3::Y },
+            |s| s.lights[1].kind = LightKind::Point { position: Vec3::X, intensity: Vec3::Z },
+            |s| s.lights.truncate(1),
+            |s| s.environment = None,
+            |s| s.environment.as_mut().unwrap().source = EnvironmentSource::Color(Vec3::X),
+            |s| s.environment.as_mut().unwrap().rotation_deg = 1.0,
+            |s| s.environment.as_mut().unwrap().scale = 2.0,
+        ];
+        let mut seen = std::collections::BTreeSet::from([content_hash(&lit()), content_hash(&scene())]);
+        for change in changes {
+            let mut s = lit();
+            change(&mut s);
+            assert!(seen.insert(content_hash(&s)), "{:?} {:?}", s.lights, s.environment);
+        }
+        let mut renamed = lit();
+        renamed.lights[0].name = "other".to_owned();
+        assert_eq!(content_hash(&renamed), content_hash(&lit()));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::TextureDesc;
 use crate::value::Value;
@@ -20,7 +20,9 @@ pub struct MaterialParam {
     pub scn_texture_key: &'static str,
     /// Type and range.
     pub ty: Ty,
-    /// Meaning, unit and source in a sentence.
+    /// Unit of the value, empty for a pure number.
+    pub unit: &'static str,
+    /// Meaning and source in a sentence.
     pub doc: &'static str,
     /// Reads the parameter.
     pub get: fn(&MaterialDesc) -> Value,
@@ -39,14 +41,103 @@ pub enum TextureSlot {
     Emission,
     /// Hits where its red channel is below the mask threshold are discarded; linear.
     Mask,
+    /// Its red channel replaces the roughness; linear.
+    Roughness,
+    /// Its red channel replaces the metallic parameter; linear.
+    Metallic,
+    /// Its red channel replaces the opacity; linear.
+    Opacity,
+    /// Red and green, moved from 0..=1 to -1..=1, are the direction of anisotropy along u and v; linear.
+    AnisotropicDirection,
+    /// A normal in the tangent frame of MikkTSpace, each channel moved from 0..=1 to -1..=1, green up; linear.
+    Normal,
 }
 
 impl TextureSlot {
+    /// Every slot, in order.
+    pub const ALL: [TextureSlot; 8] = [
+        TextureSlot::BaseColor,
+        TextureSlot::Emission,
+        TextureSlot::Mask,
+        TextureSlot::Roughness,
+        TextureSlot::Metallic,
+        TextureSlot::Opacity,
+        TextureSlot::AnisotropicDirection,
+        TextureSlot::Normal,
+    ];
+
+    /// Name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
+    pub fn name(self) -> &'static str {
+        match self {
+            TextureSlot::BaseColor => "base_color_texture",
+            TextureSlot::Emission => "emission_texture",
+            TextureSlot::Mask => "mask_texture",
+            TextureSlot::Roughness => "roughness_texture",
+            TextureSlot::Metallic => "metallic_texture",
+            TextureSlot::Opacity => "opacity_texture",
+            TextureSlot::AnisotropicDirection => "anisotropic_direction_texture",
+            TextureSlot::Normal => "normal_texture",
+        }
+    }
+
+    /// The slot with this name in scripts.
+    pub fn from_name(name: &str) -> Option<TextureSlot> {
+        TextureSlot::ALL.into_iter().find(|slot| slot.name() == name)
+    }
+
     /// Whether eight-bit texels of this role are decoded from sRGB; data textures never are.
     pub fn is_srgb(self) -> bool {
         match self {
             TextureSlot::BaseColor | TextureSlot::Emission => true,
-            TextureSlot::Mask => false,
+            TextureSlot::Mask
+            | TextureSlot::Roughness
+            | TextureSlot::Metallic
+            | TextureSlot::Opacity
+            | TextureSlot::AnisotropicDirection
+            | TextureSlot::Normal => false,
+        }
+    }
+}
+
+/// What a material's opaque, metallic and refractive parts are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Model {
+    /// The adapted Disney BSDF.
+    Disney,
+    /// Ideal surfaces: Lambert, mirror and smooth dielectric, mixed by `metallic` and `opacity`; of the other
+    /// parameters only base colour and `ior` have an effect.
+    Lambert,
+}
+
+impl Model {
+    /// The words for the models in scripts and scene files.
+    pub const WORDS: &'static [&'static str] = &["disney", "lambert"];
+
+    fn word(self) -> &'static str {
+        match self {
+            Model::Disney => "disney",
+            Model::Lambert => "lambert",
+        }
+    }
+}
+
+/// What a mask texture does to a hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaskMode {
+    /// A hit below the threshold is no hit.
+    Threshold,
+    /// A hit counts with the mask's value as probability, decided by a hash of ray and hit.
+    Blend,
+}
+
+impl MaskMode {
+    /// The words for the modes in scripts and scene files.
+    pub const WORDS: &'static [&'static str] = &["threshold", "blend"];
+
+    fn word(self) -> &'static str {
+        match self {
+            MaskMode::Threshold => "threshold",
+            MaskMode::Blend => "blend",
         }
     }
 }
@@ -68,8 +159,38 @@ pub struct MaterialDesc {
     pub opacity: f32,
     /// Index of refraction of the inside relative to the outside, positive.
     pub ior: f32,
+    /// 0 diffuse to 1 subsurface look [Burley 2012], in 0..=1.
+    pub subsurface: f32,
+    /// Part of the base colour's hue in the dielectric's reflectance at normal incidence, in 0..=1.
+    pub specular_tint: f32,
+    /// 0 round to 1 stretched highlights, in 0..=1.
+    pub anisotropic: f32,
+    /// World-space direction along which highlights are stretched; zero means the direction of growing u.
+    pub anisotropic_direction: Vec3,
+    /// Strength of the sheen of cloth at grazing angles, in 0..=1.
+    pub sheen: f32,
+    /// Part of the base colour's hue in the sheen, in 0..=1.
+    pub sheen_tint: f32,
+    /// Strength of a clear coat over everything else, in 0..=1.
+    pub clearcoat: f32,
+    /// 0 satin to 1 gloss of the clear coat.
+    pub clearcoat_gloss: f32,
+    /// Roughness below which specular lobes are perfectly smooth.
+    pub smooth_below: f32,
+    /// Which BSDF the parameters describe.
+    pub model: Model,
+    /// Factor on the slope of the normal map.
+    pub normal_strength: f32,
+    /// Mask values below this are holes.
+    pub mask_threshold: f32,
+    /// How a mask decides.
+    pub mask_mode: MaskMode,
+    /// Whether light reaches the smooth surface that the vertex normals suggest above a triangle.
+    pub shadow_terminator: bool,
     /// Factor on texture coordinates.
     pub tiling: f32,
+    /// Added to texture coordinates after the factor.
+    pub uv_offset: Vec2,
     /// Textures by slot, in order of slot, at most one each.
     pub textures: Vec<(TextureSlot, Arc<TextureDesc>)>,
     /// Whether a surface that emits also reflects; `.scn` says no, Lumbre's own scenes say yes.
@@ -87,7 +208,22 @@ impl MaterialDesc {
             metallic: 0.0,
             opacity: 1.0,
             ior: 1.5,
+            subsurface: 0.0,
+            specular_tint: 0.0,
+            anisotropic: 0.0,
+            anisotropic_direction: Vec3::ZERO,
+            sheen: 0.0,
+            sheen_tint: 0.0,
+            clearcoat: 0.0,
+            clearcoat_gloss: 1.0,
+            smooth_below: SMOOTH_ROUGHNESS,
+            model: Model::Disney,
+            normal_strength: 1.0,
+            mask_threshold: MASK_THRESHOLD,
+            mask_mode: MaskMode::Threshold,
+            shadow_terminator: false,
             tiling: 1.0,
+            uv_offset: Vec2::ZERO,
             textures: Vec::new(),
             emitter_reflects: true,
         }
@@ -97,69 +233,256 @@ impl MaterialDesc {
     pub fn texture(&self, slot: TextureSlot) -> Option<&Arc<TextureDesc>> {
         self.textures.iter().find(|(s, _)| *s == slot).map(|(_, t)| t)
     }
+
+    /// Puts a texture into a slot, or empties it.
+    pub fn set_texture(&mut self, slot: TextureSlot, texture: Option<Arc<TextureDesc>>) {
+        self.textures.retain(|(s, _)| *s != slot);
+        self.textures.extend(texture.map(|t| (slot, t)));
+        self.textures.sort_by_key(|(s, _)| *s);
+    }
 }
 
 macro_rules! scalar {
-    ($name:ident, $scn:literal, $min:expr, $max:expr, $doc:literal) => {
+    ($name:ident, $scn:literal, $min:expr, $max:expr, $unit:literal, $doc:literal) => {
+        scalar!($name, $scn, $min, $max, "", None, $unit, $doc)
+    };
+    ($name:ident, $scn:literal, $min:expr, $max:expr, $texture:literal, $slot:expr, $unit:literal, $doc:literal) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: $scn,
+            scn_texture_key: $texture,
+            ty: Ty::Num { min: $min, max: $max },
+            unit: $unit,
+            doc: $doc,
+            get: |m| Value::number(f64::from(m.$name)),
+            set_checked: |m, v| m.$name = v.as_f64().unwrap_or_default() as f32,
+            texture: $slot,
+        }
+    };
+}
+
+macro_rules! vector {
+    ($name:ident, $scn:literal, $len:literal, $min:expr, $max:expr, $texture:literal, $slot:expr, $unit:literal, $doc:literal) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: $scn,
+            scn_texture_key: $texture,
+            ty: Ty::Nums { len: $len, min: $min, max: $max },
+            unit: $unit,
+            doc: $doc,
+            get: |m| Value::List(m.$name.to_array().iter().map(|x| Value::number(f64::from(*x))).collect()),
+            set_checked: |m, v| m.$name = std::array::from_fn::<f32, $len, _>(|i| item(v, i)).into(),
+            texture: $slot,
+        }
+    };
+}
+
+macro_rules! word {
+    ($name:ident, $scn:literal, $kind:ident, $first:ident, $second:ident, $doc:literal) => {
         MaterialParam {
             name: stringify!($name),
             scn_key: $scn,
             scn_texture_key: "",
-            ty: Ty::Num { min: $min, max: $max },
+            ty: Ty::Word($kind::WORDS),
+            unit: "",
             doc: $doc,
-            get: |m| Value::number(f64::from(m.$name)),
-            set_checked: |m, v| m.$name = v.as_f64().unwrap_or_default() as f32,
+            get: |m| Value::Str(m.$name.word().to_owned()),
+            set_checked: |m, v| {
+                let second = v.as_str() == Some($kind::$second.word());
+                m.$name = if second { $kind::$second } else { $kind::$first };
+            },
             texture: None,
         }
     };
 }
 
-macro_rules! colour {
-    ($name:ident, $scn:literal, $max:expr, $texture:literal, $slot:expr, $doc:literal) => {
-        MaterialParam {
-            name: stringify!($name),
-            scn_key: $scn,
-            scn_texture_key: $texture,
-            ty: Ty::Nums { len: 3, min: 0.0, max: $max },
-            doc: $doc,
-            get: |m| Value::List(m.$name.to_array().iter().map(|x| Value::number(f64::from(*x))).collect()),
-            set_checked: |m, v| m.$name = vec3_of(v),
-            texture: Some($slot),
-        }
-    };
-}
-
-fn vec3_of(v: &Value) -> Vec3 {
-    let at = |i: usize| v.as_list().and_then(|l| l.get(i)).and_then(Value::as_f64).unwrap_or_default() as f32;
-    Vec3::new(at(0), at(1), at(2))
+fn item(v: &Value, i: usize) -> f32 {
+    v.as_list().and_then(|l| l.get(i)).and_then(Value::as_f64).unwrap_or_default() as f32
 }
 
 /// The smallest index of refraction that can be asked for: below it Snell's law has no useful picture.
 pub const MIN_IOR: f64 = 0.01;
 
-/// Every material parameter.
+/// The default of the parameter `smooth_below`: specular lobes of less roughness are Dirac lobes. A lobe of this
+/// roughness has the least GGX alpha there is, 0.001, and is already narrower than a pixel.
+pub const SMOOTH_ROUGHNESS: f32 = 0.01;
+
+/// The default of the parameter `mask_threshold` (annex A of the `.scn` format).
+pub const MASK_THRESHOLD: f32 = 0.5;
+
+/// Every material parameter. Defaults are those of [`MaterialDesc::new`].
 pub const MATERIAL_PARAMS: &[MaterialParam] = &[
-    colour!(
+    vector!(
         base_color,
         "color",
+        3,
+        0.0,
         1.0,
         "albedotexture",
-        TextureSlot::BaseColor,
-        "Linear base colour: albedo of the diffuse part, reflectance of the metal at normal incidence."
+        Some(TextureSlot::BaseColor),
+        "",
+        "Linear base colour: albedo of the diffuse part, reflectance of the metal at normal incidence; what passes \
+         through is tinted by its square root. A texture multiplies it."
     ),
-    colour!(
+    vector!(
         emission,
         "emission",
+        3,
+        0.0,
         1e9,
         "emissiontexture",
-        TextureSlot::Emission,
-        "Radiance emitted by the front side, scene units."
+        Some(TextureSlot::Emission),
+        "scene radiance",
+        "Radiance emitted by the front side. A texture multiplies it."
     ),
-    scalar!(roughness, "roughness", 0.0, 1.0, "Perceptual roughness; the GGX alpha is its square."),
-    scalar!(metallic, "metallic", 0.0, 1.0, "0 is a dielectric, 1 a metal."),
-    scalar!(opacity, "opacity", 0.0, 1.0, "1 is opaque, 0 refractive."),
-    scalar!(ior, "ior", MIN_IOR, 100.0, "Index of refraction of the inside relative to the outside."),
-    scalar!(tiling, "tiling", -1e6, 1e6, "Factor on texture coordinates."),
+    scalar!(
+        roughness,
+        "roughness",
+        0.0,
+        1.0,
+        "roughnesstexture",
+        Some(TextureSlot::Roughness),
+        "",
+        "Perceptual roughness; the GGX alpha is its square. A texture replaces it."
+    ),
+    scalar!(
+        metallic,
+        "metallic",
+        0.0,
+        1.0,
+        "metallictexture",
+        Some(TextureSlot::Metallic),
+        "",
+        "0 is a dielectric, 1 a metal. A texture replaces it."
+    ),
+    scalar!(
+        opacity,
+        "opacity",
+        0.0,
+        1.0,
+        "opacitytexture",
+        Some(TextureSlot::Opacity),
+        "",
+        "1 is opaque, 0 refractive, of the dielectric part. A texture replaces it."
+    ),
+    scalar!(ior, "ior", MIN_IOR, 100.0, "", "Index of refraction of the inside relative to the outside."),
+    scalar!(
+        subsurface,
+        "subsurface",
+        0.0,
+        1.0,
+        "",
+        "Part of the diffuse reflection that has the flatter look of scattering below the surface [Burley 2012]."
+    ),
+    scalar!(
+        specular_tint,
+        "speculartint",
+        0.0,
+        1.0,
+        "",
+        "Part of the base colour's hue in the dielectric's reflectance at normal incidence."
+    ),
+    scalar!(
+        anisotropic,
+        "anisotropic",
+        0.0,
+        1.0,
+        "",
+        "Stretches highlights: the aspect of the GGX lobe is sqrt(1 - 0.9 anisotropic)."
+    ),
+    vector!(
+        anisotropic_direction,
+        "anisotropic_direction",
+        3,
+        -1e6,
+        1e6,
+        "anisotropictexture",
+        Some(TextureSlot::AnisotropicDirection),
+        "",
+        "World-space direction along which highlights are stretched; zero is the direction of growing u. A texture \
+         replaces it by directions in the tangent frame."
+    ),
+    scalar!(sheen, "sheen", 0.0, 1.0, "", "Strength of the sheen of cloth at grazing angles [Burley 2012]."),
+    scalar!(sheen_tint, "sheentint", 0.0, 1.0, "", "Part of the base colour's hue in the sheen."),
+    scalar!(
+        clearcoat,
+        "clearcoat",
+        0.0,
+        1.0,
+        "",
+        "Strength of a clear coat of index 1.5 over everything else; 1 is a quarter of a full coat [Burley 2012]."
+    ),
+    scalar!(clearcoat_gloss, "clearcoatgloss", 0.0, 1.0, "", "0 is a satin, 1 a glossy clear coat [Burley 2012]."),
+    word!(
+        model,
+        "model",
+        Model,
+        Disney,
+        Lambert,
+        "`lambert` makes surfaces ideal: the opaque part Lambertian, metal a mirror, glass smooth; roughness and the \
+         parameters of the Disney lobes have no effect then."
+    ),
+    scalar!(
+        smooth_below,
+        "smooth_below",
+        0.0,
+        1.0,
+        "",
+        "Roughness below which specular lobes are perfectly smooth, which makes them Dirac lobes."
+    ),
+    scalar!(
+        normal_strength,
+        "normal_strength",
+        0.0,
+        100.0,
+        "normaltexture",
+        Some(TextureSlot::Normal),
+        "",
+        "Factor on the slope of the normal map; 0 switches it off."
+    ),
+    scalar!(
+        mask_threshold,
+        "mask_threshold",
+        0.0,
+        1.0,
+        "masktexture",
+        Some(TextureSlot::Mask),
+        "",
+        "Hits where the mask's red channel is below this are no hits."
+    ),
+    word!(
+        mask_mode,
+        "mask_mode",
+        MaskMode,
+        Threshold,
+        Blend,
+        "`blend` lets a hit count with the mask's value as probability, decided by a hash of ray and hit."
+    ),
+    MaterialParam {
+        name: "shadow_terminator",
+        scn_key: "shadow_terminator",
+        scn_texture_key: "",
+        ty: Ty::Bool,
+        unit: "",
+        doc: "Whether light that passes below an opaque triangle still reaches the curved surface that its normals \
+              suggest, which hides the hard edge where smooth shading meets shadow [Vives]. It shows another surface than \
+              the triangles, so it is off unless asked for.",
+        get: |m| Value::Bool(m.shadow_terminator),
+        set_checked: |m, v| m.shadow_terminator = *v == Value::Bool(true),
+        texture: None,
+    },
+    scalar!(tiling, "tiling", -1e6, 1e6, "repeats", "Factor on texture coordinates."),
+    vector!(
+        uv_offset,
+        "uv_offset",
+        2,
+        -1e6,
+        1e6,
+        "",
+        None,
+        "repeats",
+        "Added to texture coordinates after the factor."
+    ),
 ];
 
 impl MaterialParam {
@@ -179,18 +502,32 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_slot_belongs_to_one_row_and_has_a_name_of_its_own() {
+        for slot in TextureSlot::ALL {
+            assert_eq!(MATERIAL_PARAMS.iter().filter(|row| row.texture == Some(slot)).count(), 1, "{slot:?}");
+            assert_eq!(TextureSlot::from_name(slot.name()), Some(slot));
+            assert!(MATERIAL_PARAMS.iter().all(|row| row.name != slot.name()));
+        }
+        let keyed = |row: &&MaterialParam| row.texture.is_some() == row.scn_texture_key.is_empty();
+        assert_eq!(MATERIAL_PARAMS.iter().filter(keyed).count(), 0);
+    }
+
+    #[test]
     fn every_row_writes_what_it_reads_and_defaults_are_in_range() {
         for row in MATERIAL_PARAMS {
             let mut m = MaterialDesc::new("m");
             let default = (row.get)(&m);
             row.ty.check("default", row.name, &default).unwrap();
             let other = match row.ty {
-                Ty::Nums { .. } => Value::List(vec![Value::Num(0.25), Value::Num(0.5), Value::Int(0)]),
+                Ty::Nums { len, .. } => Value::List([Value::Num(0.25), Value::Num(0.5), Value::Int(0)][..len].to_vec()),
+                Ty::Word(words) => Value::Str(words[1].to_owned()),
+                Ty::Bool => Value::Bool(true),
                 _ => Value::Num(0.25),
             };
             row.set(&mut m, "path", &other).unwrap();
             assert_eq!((row.get)(&m), other, "{}", row.name);
             assert!(row.set(&mut m, "path", &Value::Str("x".into())).is_err());
+            assert_ne!(default, other, "{}", row.name);
         }
     }
 }

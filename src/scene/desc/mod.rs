@@ -1,6 +1,8 @@
 //! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
 
+mod camera;
 mod hash;
+pub mod light;
 pub mod material;
 
 use std::path::PathBuf;
@@ -8,8 +10,10 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+pub use camera::{CameraDesc, Optics};
 pub use hash::{content_hash, mesh_hash, texture_hash};
-pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
+pub use material::{MATERIAL_PARAMS, MaskMode, MaterialDesc, Model, TextureSlot};
 
 /// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";
@@ -36,6 +40,10 @@ pub struct SceneDesc {
     pub materials: Vec<MaterialDesc>,
     /// Everything that has a shape.
     pub entities: Vec<EntityDesc>,
+    /// Lights without a surface.
+    pub lights: Vec<LightDesc>,
+    /// Light from outside the scene; `None` is black.
+    pub environment: Option<EnvironmentDesc>,
 }
 
 impl SceneDesc {
@@ -60,23 +68,6 @@ impl SceneDesc {
     }
 }
 
-/// A pinhole or thin-lens camera.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraDesc {
-    /// The centre of projection or of the lens.
-    pub position: Vec3,
-    /// A point on the optical axis.
-    pub target: Vec3,
-    /// The direction that is up in the picture.
-    pub up: Vec3,
-    /// Vertical field of view in degrees, between 0 and 180 exclusive.
-    pub fov_deg: f32,
-    /// Diameter of the lens in scene units; 0 is a pinhole.
-    pub aperture: f32,
-    /// Distance from the lens to the plane in focus along the axis; `None` is the distance to `target`.
-    pub focus_distance: Option<f32>,
-}
-
 /// One object: a shape with a place and a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EntityDesc {
@@ -86,6 +77,8 @@ pub struct EntityDesc {
     pub transform: Transform,
     /// A material that replaces all the shape's own.
     pub material: Option<String>,
+    /// Replaces the material's `anisotropic_direction` on this entity, in world space.
+    pub anisotropic_direction: Option<Vec3>,
     /// What it is.
     pub shape: ShapeDesc,
 }

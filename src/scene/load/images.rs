@@ -1,11 +1,11 @@
-//! Textures: PNG, JPEG, BMP and Radiance HDR files through the `image` crate, within limits.
+//! Textures: PNG, JPEG, BMP and Radiance HDR files through the `image` crate, and OpenEXR, within limits.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use image::{DynamicImage, ImageReader, Limits};
 
-use super::{read, unreadable};
+use super::{openexr, read, unreadable};
 use crate::scene::desc::{Texels, TextureDesc, texture_hash};
 use crate::scene::{Note, SceneError};
 
@@ -13,10 +13,12 @@ use crate::scene::{Note, SceneError};
 const MAX_TEXTURE_SIDE: u32 = 16_384;
 /// Greatest memory that decoding one texture may take, in bytes.
 const MAX_TEXTURE_BYTES: u64 = 1 << 30;
+/// Greatest number of pixels of an EXR texture: with four floats each they take [`MAX_TEXTURE_BYTES`].
+const MAX_EXR_PIXELS: usize = 1 << 26;
 
 /// Reads an image file. Its format is told from its first bytes, by its extension where they say nothing.
 ///
-/// Files with 8 bits per channel are kept as they are stored; Radiance HDR files become floats. Files with 16 bits
+/// Files with 8 bits per channel are kept as they are stored; Radiance HDR and OpenEXR files become floats. Files with 16 bits
 /// per channel are rounded to 8, which is a [`Note`].
 ///
 /// # Errors
@@ -25,9 +27,19 @@ pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneErro
     let malformed = |problem: String| SceneError::Malformed {
         file: path.to_owned(),
         place: "image".to_owned(),
-        problem: format!("{problem} (PNG, JPEG, BMP and HDR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"),
+        problem: format!(
+            "{problem} (PNG, JPEG, BMP, HDR and EXR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"
+        ),
     };
     let bytes = read(path, MAX_TEXTURE_BYTES)?;
+    if bytes.starts_with(&openexr::MAGIC) {
+        let (image, _) = openexr::decode(&bytes, MAX_EXR_PIXELS).map_err(malformed)?;
+        if image.width.max(image.height) > MAX_TEXTURE_SIDE {
+            return Err(malformed(format!("it has {}x{} pixels", image.width, image.height)));
+        }
+        let texels = image.data.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
+        return Ok(texture(path, image.width, image.height, finite(texels).map_err(malformed)?));
+    }
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(path, e))?;
     if reader.format().is_none()
         && let Ok(format) = image::ImageFormat::from_path(path)
@@ -46,11 +58,7 @@ pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneErro
     }
     let texels = match image {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            let texels: Vec<[f32; 4]> = image.into_rgba32f().pixels().map(|p| p.0).collect();
-            if !texels.as_flattened().iter().all(|x| x.is_finite()) {
-                return Err(malformed("it holds values that are not finite".to_owned()));
-            }
-            Texels::RgbaF32(texels)
+            finite(image.into_rgba32f().pixels().map(|p| p.0).collect()).map_err(malformed)?
         }
         DynamicImage::ImageLuma8(_)
         | DynamicImage::ImageLumaA8(_)
@@ -65,8 +73,19 @@ pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneErro
             rgba8(image)
         }
     };
+    Ok(texture(path, width, height, texels))
+}
+
+fn texture(path: &Path, width: u32, height: u32, texels: Texels) -> TextureDesc {
     let content_hash = texture_hash(width, height, &texels);
-    Ok(TextureDesc { file: path.to_owned(), width, height, texels, content_hash })
+    TextureDesc { file: path.to_owned(), width, height, texels, content_hash }
+}
+
+fn finite(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
+    if texels.as_flattened().iter().all(|x| x.is_finite()) {
+        return Ok(Texels::RgbaF32(texels));
+    }
+    Err("it holds values that are not finite".to_owned())
 }
 
 fn rgba8(image: DynamicImage) -> Texels {
@@ -116,6 +135,22 @@ mod tests {
         image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(1, 1, image::Luma([65535u16])).save(&deep).unwrap();
         assert!(matches!(load(&deep, &mut notes).unwrap().texels, Texels::Rgba8(_)));
         assert!(notes[0].message.contains("16 bits"), "{}", notes[0]);
+    }
+
+    #[test]
+    fn open_exr_is_read_and_bad_ones_name_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.exr");
+        exr::prelude::write_rgb_file(&path, 3, 2, |x, y| (x as f32, 0.25, 7.5 * y as f32)).unwrap();
+        let t = load(&path, &mut Vec::new()).unwrap();
+        assert_eq!((t.width, t.height), (3, 2));
+        let Texels::RgbaF32(texels) = &t.texels else { panic!("floats expected") };
+        assert_eq!(texels[5], [2.0, 0.25, 7.5, 1.0]);
+        let good = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &good[..good.len() / 2]).unwrap();
+        assert!(load(&path, &mut Vec::new()).unwrap_err().to_string().contains("a.exr"));
+        exr::prelude::write_rgb_file(&path, 1, 1, |_, _| (f32::NAN, 0.0, 0.0)).unwrap();
+        assert!(load(&path, &mut Vec::new()).unwrap_err().to_string().contains("not finite"));
     }
 
     #[test]

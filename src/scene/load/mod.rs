@@ -5,7 +5,10 @@
 
 mod images;
 mod obj;
+pub mod openexr;
 mod scn;
+
+pub(in crate::scene) use images::load as texture;
 
 use std::fs::File;
 use std::io::Read;
@@ -29,7 +32,17 @@ pub struct FormatRow {
 }
 
 /// Reads one scene file.
-pub type Loader = fn(&Path) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+pub type Loader = fn(&Path, Missing) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+
+/// What becomes of a material whose texture cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Missing {
+    /// The scene is an error that names the material and the file.
+    #[default]
+    Refused,
+    /// The parameter keeps its scalar value, with a [`Note`] that names the material and the file.
+    Noted,
+}
 
 /// Every scene format, in the order in which files are sniffed.
 pub const FORMATS: &[FormatRow] = &[
@@ -43,7 +56,7 @@ pub const FORMATS: &[FormatRow] = &[
     FormatRow {
         name: "obj",
         extensions: &["obj"],
-        doc: "A Wavefront OBJ mesh alone, white, seen by a camera that frames its bounds; materials are not read yet.",
+        doc: "A Wavefront OBJ mesh with the materials of its .mtl files, seen by a camera that frames its bounds.",
         sniff: obj::sniff,
         load: obj::load,
     },
@@ -58,14 +71,22 @@ const SNIFF_BYTES: u64 = 4096;
 /// A file that cannot be read, that no format knows, or that is not what its format says; also a mesh or texture
 /// that it names and that has one of these faults.
 pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    load_with(path, Missing::Refused)
+}
+
+/// The same, with a choice of what becomes of textures that cannot be read.
+///
+/// # Errors
+/// As for [`load`], textures of materials left out where `missing` says so.
+pub fn load_with(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if let Some(row) = FORMATS.iter().find(|row| row.extensions.contains(&extension.as_str())) {
-        return (row.load)(path);
+        return (row.load)(path, missing);
     }
     let mut head = Vec::new();
     open(path)?.take(SNIFF_BYTES).read_to_end(&mut head).map_err(|e| unreadable(path, e))?;
     match FORMATS.iter().find(|row| (row.sniff)(&head)) {
-        Some(row) => (row.load)(path),
+        Some(row) => (row.load)(path, missing),
         None => Err(SceneError::UnknownFormat {
             file: path.to_owned(),
             known: FORMATS

@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::experiment::CellConfig;
+use crate::film::layer::{LAYER_NAMES, Layer};
 use crate::render::BACKENDS;
-use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::scene::desc::TextureSlot;
+use crate::transport::camera::{FILTER_NAMES, FilterKind, FilterSpec};
 use crate::transport::integrator::{INTEGRATORS, integrator};
+use crate::transport::sampler::SAMPLER_NAMES;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_key, unknown_name};
 
@@ -42,17 +45,18 @@ pub const AA: Table = Table {
     fields: &[
         Field {
             key: "filter",
-            ty: Ty::Word(&["box", "gauss"]),
+            ty: Ty::Word(&FILTER_NAMES),
             required: false,
             default: "box",
-            doc: "constant, or a Gaussian cut off at three sigma",
+            doc: "constant, linear, a Gaussian cut off at three sigma, a smooth window, or the first source's Gaussian \
+                  without end (sigma = 2 radius)",
         },
         Field {
             key: "radius",
             ty: Ty::Num { min: 0.0, max: 16.0 },
             required: false,
             default: "0.5",
-            doc: "half width in pixels; a box of 0.5 is the pixel itself",
+            doc: "half width in pixels; a box of 0.5 is the pixel itself. Of antialiasing_radius half a sigma",
         },
     ],
 };
@@ -70,11 +74,32 @@ pub const CAMERA: Table = Table {
             doc: "diameter of the lens in scene units; 0 is a pinhole",
         },
         Field {
+            key: "f_number",
+            ty: Ty::Num { min: 1e-3, max: 1e6 },
+            required: false,
+            default: "",
+            doc: "focal length over the diameter of the lens, instead of aperture",
+        },
+        Field {
+            key: "focal_length",
+            ty: Ty::Num { min: 1e-9, max: 1e6 },
+            required: false,
+            default: "",
+            doc: "focal length in scene units; together with sensor_height it decides fov",
+        },
+        Field {
+            key: "sensor_height",
+            ty: Ty::Num { min: 1e-9, max: 1e6 },
+            required: false,
+            default: "",
+            doc: "height of the sensor in scene units; with fov alone, focal_length follows",
+        },
+        Field {
             key: "focus_distance",
             ty: Ty::Num { min: 1e-9, max: FAR },
             required: false,
             default: "",
-            doc: "distance from the lens to the plane in focus, in scene units",
+            doc: "distance from the lens to the plane in focus, in scene units; the scene's, or that of target",
         },
         Field {
             key: "fov",
@@ -149,6 +174,14 @@ pub const RENDER: Table = Table {
         },
         Field { key: "aa", ty: Ty::Table(&AA), required: false, default: "the pixel", doc: "the pixel filter" },
         Field {
+            key: "sampler",
+            ty: Ty::Word(&SAMPLER_NAMES),
+            required: false,
+            default: "independent",
+            doc: "where the numbers of samples come from; sobol spreads them evenly, which mostly makes less noise than \
+                  standard errors say",
+        },
+        Field {
             key: "camera",
             ty: Ty::Table(&CAMERA),
             required: false,
@@ -161,6 +194,14 @@ pub const RENDER: Table = Table {
             required: false,
             default: "",
             doc: "changes to the scene by path: { [\"materials.egg.ior\"] = 1.5 }",
+        },
+        Field {
+            key: "films",
+            ty: Ty::OneOrMany(&Ty::Word(&LAYER_NAMES)),
+            required: false,
+            default: "none",
+            doc: "layers to keep beside the picture, under films/ in the run's folder: { \"depth\", \"strategies\" }; a \
+                  reference does not inherit them",
         },
         Field { key: "rr", ty: Ty::Table(&ROULETTE), required: false, default: "never", doc: "Russian roulette" },
         Field {
@@ -237,17 +278,23 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
         resolution: resolution(&common, path)?,
         rr_start: integer(inner(&common, "rr", "start")),
         filter: filter(&common),
-        set: changes(&common, path)?,
+        set: changes(&common, folder, path)?,
+        films: films(common.get("films")),
+        sampler: text(&common, "sampler").unwrap_or_else(|| SAMPLER_NAMES[0].to_owned()),
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
     })
 }
 
 /// The render table of a reference: the cell's own, with the overrides' fields in their place. Tables in it (`set`,
-/// `aa`, `camera`, `rr`) are merged field by field. Another integrator does not inherit the parameters of the cell's.
+/// `aa`, `camera`, `rr`) are merged field by field. Another integrator does not inherit the parameters of the cell's, and
+/// no reference inherits its layers: it is there to be measured against.
 pub fn merge(own: &BTreeMap<String, Value>, overrides: &BTreeMap<String, Value>) -> BTreeMap<String, Value> {
     let other = overrides.get("integrator").is_some_and(|i| own.get("integrator") != Some(i));
-    let mut merged: BTreeMap<String, Value> =
-        own.iter().filter(|(k, _)| !other || is_common(k)).map(|(k, v)| (k.clone(), v.clone())).collect();
+    let mut merged: BTreeMap<String, Value> = own
+        .iter()
+        .filter(|(k, _)| (!other || is_common(k)) && *k != "films")
+        .map(|(k, v)| (k.clone(), v.clone()))
+        .collect();
     for (key, value) in overrides {
         match (merged.get_mut(key), value) {
             (Some(Value::Map(inner)), Value::Map(changes)) => {
@@ -301,15 +348,22 @@ fn resolution(map: &BTreeMap<String, Value>, path: &str) -> Result<Option<[u32; 
 }
 
 fn filter(map: &BTreeMap<String, Value>) -> FilterSpec {
-    let kind = match inner(map, "aa", "filter").and_then(Value::as_str) {
-        Some("gauss") => FilterKind::Gauss,
-        _ => FilterKind::Box,
-    };
+    let named = inner(map, "aa", "filter").and_then(Value::as_str).and_then(FilterKind::from_name);
+    let kind = named.unwrap_or(FilterKind::Box);
     FilterSpec { kind, radius: inner(map, "aa", "radius").and_then(Value::as_f64).map_or(0.5, |r| r as f32) }
 }
 
+/// The layers that a checked field names, in the order of their table, so that the order of asking decides nothing.
+fn films(value: Option<&Value>) -> Vec<Layer> {
+    let named = value.map(|v| v.as_list().unwrap_or(std::slice::from_ref(v))).unwrap_or_default();
+    let mut layers: Vec<Layer> = named.iter().filter_map(|v| Layer::from_name(v.as_str()?)).collect();
+    layers.sort();
+    layers.dedup();
+    layers
+}
+
 /// `set` and `camera` together: every change to the scene, by path.
-fn changes(map: &BTreeMap<String, Value>, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
+fn changes(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
     let mut changes = BTreeMap::new();
     match map.get("set") {
         None => {}
@@ -317,7 +371,14 @@ fn changes(map: &BTreeMap<String, Value>, path: &str) -> Result<BTreeMap<String,
         Some(Value::Map(set)) => {
             for (key, value) in set {
                 check_change(key, value, path)?;
-                changes.insert(key.clone(), value.clone());
+                let value = match value {
+                    Value::Str(file) if names_texture(key) && !file.is_empty() => {
+                        let found = find_file(file, folder, &format!("{path}.set.{key}"), key)?;
+                        Value::Str(found.to_string_lossy().into_owned())
+                    }
+                    other => other.clone(),
+                };
+                changes.insert(key.clone(), value);
             }
         }
         Some(other) => {
@@ -341,6 +402,12 @@ fn changes(map: &BTreeMap<String, Value>, path: &str) -> Result<BTreeMap<String,
         }
     }
     Ok(changes)
+}
+
+/// Whether a change puts a file into a texture slot of a material.
+fn names_texture(change: &str) -> bool {
+    change.starts_with("materials.")
+        && change.rsplit('.').next().is_some_and(|param| TextureSlot::from_name(param).is_some())
 }
 
 fn check_change(key: &str, value: &Value, path: &str) -> Result<(), SchemaError> {
@@ -386,10 +453,21 @@ mod tests {
         assert_eq!(inner(&merged, "aa", "filter"), Some(&"gauss".into()));
         assert_eq!(inner(&merged, "aa", "radius"), Some(&Value::Int(2)));
         assert!(merged.contains_key("mis"));
+        let with_films = merge(&map(&[("films", "depth".into()), ("scene", "a.scn".into())]), &BTreeMap::new());
+        assert_eq!(with_films, map(&[("scene", "a.scn".into())]), "a reference keeps no films");
+        assert!(merge(&own, &map(&[("films", "depth".into())])).contains_key("films"), "unless it asks for them");
         let merged = merge(&own, &map(&[("integrator", "bpt".into())]));
         assert!(!merged.contains_key("mis") && merged.contains_key("scene"));
         let merged = merge(&own, &map(&[("integrator", "nee".into()), ("aa", Value::List(Vec::new()))]));
         assert_eq!(merged, own);
+    }
+
+    #[test]
+    fn layers_are_in_the_order_of_their_table_each_once() {
+        let asked = ["normal", "depth", "albedo", "depth"].map(Value::from).to_vec();
+        assert_eq!(films(Some(&Value::List(asked))), [Layer::Depth, Layer::Albedo, Layer::Normal]);
+        assert_eq!(films(Some(&"rays".into())), [Layer::Rays]);
+        assert!(films(None).is_empty() && films(Some(&Value::List(Vec::new()))).is_empty());
     }
 
     #[test]

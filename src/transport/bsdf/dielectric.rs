@@ -15,10 +15,13 @@ pub fn sample(base_color: Vec3, ior: f32, wo: Vec3, u: f32, mode: Mode) -> Optio
         let wi = Vec3::new(-wo.x, -wo.y, wo.z);
         return Some((LobeSample { wi, weight: Vec3::ONE, eta: 1.0 }, interface.reflectance));
     }
-    if interface.cos_t <= 0.0 {
+    // From the tangential part rather than from the cosine, which says little of it near the normal.
+    let along = Vec3::new(-wo.x, -wo.y, 0.0) / interface.eta;
+    let cos2_t = 1.0 - along.length_squared();
+    if cos2_t <= 0.0 {
         return None;
     }
-    let wi = Vec3::new(-wo.x, -wo.y, 0.0) / interface.eta + Vec3::Z * interface.cos_t.copysign(-wo.z);
+    let wi = along + Vec3::Z * cos2_t.sqrt().copysign(-wo.z);
     let tint = Vec3::new(base_color.x.sqrt(), base_color.y.sqrt(), base_color.z.sqrt());
     let scale = match mode {
         Mode::Radiance => 1.0 / (interface.eta * interface.eta),

@@ -32,9 +32,15 @@ pub fn dielectric(cos_i: f32, ior: f32) -> Interface {
 /// Reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].
 #[inline]
 pub fn schlick(f0: Vec3, cos: f32) -> Vec3 {
+    f0 + (Vec3::ONE - f0) * schlick_weight(cos)
+}
+
+/// `(1 - |cos|)^5`, how far Schlick's reflectance has gone from its value at normal incidence to white.
+#[inline]
+pub fn schlick_weight(cos: f32) -> f32 {
     let m = (1.0 - cos.abs()).clamp(0.0, 1.0);
     let m2 = m * m;
-    f0 + (Vec3::ONE - f0) * (m2 * m2 * m)
+    m2 * m2 * m
 }
 
 #[cfg(test)]

@@ -1,11 +1,19 @@
 //! Pixel filters, sampled by importance.
+//!
+//! Every filter is a product of one profile in x and the same in y, each integrating to one over the offset in pixels.
+//! A camera ray's offset is drawn with that density, so every camera sample has weight one. A light path asks the other
+//! way round, how much each pixel wants of a place on the film: [`FilterSpec::choose`] draws a pixel's column or row
+//! with probability proportional to the density at its centre's distance, and gives the sum of those densities as weight.
+
+use std::f32::consts::{PI, TAU};
 
 /// A pixel filter, sampled by importance: every sample has weight one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSpec {
     /// Its shape.
     pub kind: FilterKind,
-    /// Half width in pixels: a box of radius 0.5 is the pixel; a Gaussian is cut off here, at three sigma.
+    /// Half width in pixels, where the filter ends: a box of radius 0.5 is the pixel. For
+    /// [`FilterKind::AntialiasingRadius`] half a standard deviation.
     pub radius: f32,
 }
 
@@ -14,19 +22,172 @@ pub struct FilterSpec {
 pub enum FilterKind {
     /// Constant.
     Box,
+    /// Falls linearly from the centre to the radius.
+    Tent,
     /// Gaussian with sigma a third of the radius, truncated at the radius in x and in y.
     Gauss,
+    /// The minimum four-term window of [Harris 1978], which ends smoothly at the radius.
+    BlackmanHarris,
+    /// The first source's filter under its own name: a Gaussian with sigma twice the radius, nowhere cut off (an offset
+    /// beyond 5.4 sigma has a probability below that of one 24-bit random number and is not drawn). The source also
+    /// shifts it, so that the offset lies about the pixel's corner; that shift moves the whole picture and is left out.
+    AntialiasingRadius,
+}
+
+/// Every filter with its name in scripts.
+pub const FILTERS: [(FilterKind, &str); 5] = [
+    (FilterKind::Box, "box"),
+    (FilterKind::Tent, "tent"),
+    (FilterKind::Gauss, "gauss"),
+    (FilterKind::BlackmanHarris, "blackman_harris"),
+    (FilterKind::AntialiasingRadius, "antialiasing_radius"),
+];
+
+/// Names of the filters, in the order of [`FILTERS`].
+pub const FILTER_NAMES: [&str; FILTERS.len()] = {
+    let mut names = [""; FILTERS.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = FILTERS[i].1;
+        i += 1;
+    }
+    names
+};
+
+impl FilterKind {
+    /// The name in scripts.
+    pub fn name(self) -> &'static str {
+        FILTER_NAMES[self as usize]
+    }
+
+    /// The filter with this name.
+    pub fn from_name(name: &str) -> Option<FilterKind> {
+        FILTERS.iter().find(|(_, n)| *n == name).map(|(kind, _)| *kind)
+    }
 }
 
 impl FilterSpec {
-    /// Offset from the pixel's centre in pixels, each coordinate in `-radius..=radius`.
+    /// The filter that is the pixel's own square.
+    pub const PIXEL: FilterSpec = FilterSpec { kind: FilterKind::Box, radius: 0.5 };
+
+    /// Offset from the pixel's centre in pixels.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> [f32; 2] {
         match self.kind {
             FilterKind::Box => u.map(|u| (2.0 * u - 1.0) * self.radius),
+            FilterKind::Tent => u.map(|u| tent(u) * self.radius),
             FilterKind::Gauss => u.map(|u| truncated_normal(u) * self.radius / SIGMAS),
+            FilterKind::BlackmanHarris => u.map(|u| blackman_harris(u) * self.radius),
+            // The middle of the 2^-24 wide step that the number stands for, so that 0 is not infinitely far.
+            FilterKind::AntialiasingRadius => {
+                u.map(|u| inverse_normal_cdf(u + 0.5 / 16_777_216.0).clamp(-WIDE, WIDE) * 2.0 * self.radius)
+            }
         }
     }
+
+    /// Density of one coordinate of [`FilterSpec::sample`] at an offset `x`, per pixel. Zero everywhere for a filter of
+    /// radius zero, which has no density.
+    #[inline]
+    pub fn density(&self, x: f32) -> f32 {
+        let r = self.radius;
+        if r <= 0.0 || x.abs() > self.reach() {
+            return 0.0;
+        }
+        let gauss = |sigma: f32| (-0.5 * (x / sigma) * (x / sigma)).exp() / (sigma * TAU.sqrt());
+        match self.kind {
+            FilterKind::Box => 0.5 / r,
+            FilterKind::Tent => (1.0 - x.abs() / r) / r,
+            FilterKind::Gauss => gauss(r / SIGMAS) / (1.0 - 2.0 * TAIL),
+            FilterKind::BlackmanHarris => {
+                let c = |k: f32| (k * PI * x / r).cos();
+                (HARRIS[0] + HARRIS[1] * c(1.0) + HARRIS[2] * c(2.0) + HARRIS[3] * c(3.0)) / (2.0 * r * HARRIS[0])
+            }
+            FilterKind::AntialiasingRadius => gauss(2.0 * r),
+        }
+    }
+
+    /// The largest absolute offset.
+    #[inline]
+    pub fn reach(&self) -> f32 {
+        if self.kind == FilterKind::AntialiasingRadius { 2.0 * WIDE * self.radius } else { self.radius }
+    }
+
+    /// Chooses the column (or row) among `count` that a light path's place `q` on the film, in pixels from the edge,
+    /// counts for: with probability proportional to [`FilterSpec::density`] at the distance to its centre. Also returns
+    /// the sum of the densities, which is the weight; `None` where no pixel wants this place, or none can (radius 0).
+    #[inline]
+    pub fn choose(&self, q: f32, count: u32, u: f32) -> Option<(u32, f32)> {
+        if *self == FilterSpec::PIXEL {
+            // Exactly one pixel has its centre within half a pixel.
+            return (q >= 0.0 && q < count as f32).then(|| ((q as u32).min(count - 1), 1.0));
+        }
+        let reach = self.reach();
+        if reach <= 0.0 || !(q + reach >= 0.0 && q - reach <= count as f32) {
+            return None;
+        }
+        let first = (q - reach - 0.5).ceil().max(0.0) as u32;
+        let end = ((q + reach - 0.5).floor() + 1.0).clamp(0.0, count as f32) as u32;
+        let density = |i: u32| self.density(q - i as f32 - 0.5);
+        let total: f32 = (first..end).map(density).sum();
+        if total <= 0.0 {
+            return None;
+        }
+        let mut rest = u * total;
+        let mut chosen = None;
+        for i in first..end {
+            let d = density(i);
+            if d > 0.0 {
+                chosen = Some(i);
+                if rest < d {
+                    break;
+                }
+            }
+            rest -= d;
+        }
+        chosen.map(|i| (i, total))
+    }
+}
+
+/// Coefficients of the window [Harris 1978, table 1].
+const HARRIS: [f32; 4] = [0.358_75, 0.488_29, 0.141_28, 0.011_68];
+
+/// No 24-bit random number lies further out in a normal distribution, in standard deviations.
+const WIDE: f32 = 5.5;
+
+/// A number in `-1..=1` with a density that falls linearly from 0 to both ends, by inversion.
+fn tent(u: f32) -> f32 {
+    if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 * (1.0 - u)).max(0.0).sqrt() }
+}
+
+/// A number in `-1..=1` with the density of the Blackman-Harris window, by inverting its distribution function: Newton's
+/// steps, kept within the bracket that earlier steps left.
+fn blackman_harris(u: f32) -> f32 {
+    let [a0, a1, a2, a3] = HARRIS.map(f64::from);
+    let pi = std::f64::consts::PI;
+    // Symmetric: only the upper half is inverted.
+    let target = (f64::from(u) - 0.5).abs();
+    let (mut low, mut high) = (0.0f64, 1.0f64);
+    let mut x = (0.9 * target).min(0.5);
+    for _ in 0..40 {
+        let (s, c) = (pi * x).sin_cos();
+        // sin and cos of two and three times the angle.
+        let (s2, c2) = (2.0 * s * c, c * c - s * s);
+        let (s3, c3) = (s2 * c + c2 * s, c2 * c - s2 * s);
+        let mass = 0.5 * (x + (a1 * s + a2 * s2 / 2.0 + a3 * s3 / 3.0) / (pi * a0)) - target;
+        let density = 0.5 * (1.0 + (a1 * c + a2 * c2 + a3 * c3) / a0);
+        if mass > 0.0 {
+            high = x
+        } else {
+            low = x
+        }
+        let step = x - mass / density;
+        let next = if step > low && step < high { step } else { 0.5 * (low + high) };
+        if (next - x).abs() < 1e-9 {
+            break;
+        }
+        x = next;
+    }
+    (x as f32).copysign(u - 0.5)
 }
 
 /// Radius of the truncated Gaussian in standard deviations.
@@ -114,6 +275,60 @@ mod tests {
             .map(|i| f64::from(n) * (cdf(f64::from(i + 1) / 10.0 - 1.5) - cdf(f64::from(i) / 10.0 - 1.5)))
             .collect();
         assert!(stats::chi_square_p(&observed, &expected, 0) > 0.001);
+    }
+
+    /// Chi-square of one coordinate against the integral of the density, and the mass of the density; significance
+    /// 0.001 split over five filters.
+    #[test]
+    fn every_filter_has_the_density_that_it_says() {
+        for (kind, name) in FILTERS {
+            let f = FilterSpec { kind, radius: 1.25 };
+            let (cells, reach) = (60usize, f64::from(f.reach()));
+            let n = 200_000u32;
+            let mut observed = vec![0.0; cells];
+            for i in 0..n {
+                let x = f64::from(f.sample([rng::unit(rng::pcg4d([i, 4, 5, 6])[1]), 0.5])[0]);
+                observed[(((x / reach + 1.0) * 0.5 * cells as f64) as usize).min(cells - 1)] += 1.0;
+            }
+            let step = 2.0 * reach / cells as f64;
+            let mass = |c: usize| {
+                let at = |j: usize| -reach + step * (c as f64 + (j as f64 + 0.5) / 64.0);
+                (0..64).map(|j| f64::from(f.density(at(j) as f32))).sum::<f64>() * step / 64.0
+            };
+            let masses: Vec<f64> = (0..cells).map(mass).collect();
+            let total: f64 = masses.iter().sum();
+            assert!((total - 1.0).abs() < 1e-4, "{name}: {total}");
+            let expected: Vec<f64> = masses.iter().map(|m| m / total * f64::from(n)).collect();
+            let p = stats::chi_square_p(&observed, &expected, 0);
+            assert!(p > stats::sidak(0.001, FILTERS.len()), "{name}: p = {p}");
+            assert_eq!(FilterKind::from_name(name), Some(kind));
+            assert_eq!(kind.name(), name);
+        }
+    }
+
+    #[test]
+    fn pixels_are_chosen_in_proportion_to_what_they_want() {
+        for (kind, name) in FILTERS {
+            for (radius, q) in [(0.5, 3.2f32), (1.3, 0.4), (2.0, 6.9)] {
+                let f = FilterSpec { kind, radius };
+                let wanted: Vec<f32> = (0..7).map(|i| f.density(q - i as f32 - 0.5)).collect();
+                let total: f32 = wanted.iter().sum();
+                let n = 1000;
+                let mut counts = [0.0f32; 7];
+                for i in 0..n {
+                    let (pixel, weight) = f.choose(q, 7, (i as f32 + 0.5) / n as f32).unwrap();
+                    assert!((weight / total - 1.0).abs() < 1e-5, "{name}");
+                    counts[pixel as usize] += 1.0;
+                }
+                for (count, wanted) in counts.iter().zip(&wanted) {
+                    assert!((count / n as f32 - wanted / total).abs() < 2.0 / n as f32, "{name} {counts:?} {wanted}");
+                }
+            }
+            assert_eq!(FilterSpec { kind, radius: 0.0 }.choose(1.5, 4, 0.5), None, "{name}");
+            assert_eq!(FilterSpec { kind, radius: 0.5 }.choose(f32::NAN, 4, 0.5), None, "{name}");
+        }
+        assert_eq!(FilterSpec::PIXEL.choose(-0.1, 4, 0.5), None);
+        assert_eq!(FilterSpec::PIXEL.choose(4.0, 4, 0.5), None);
     }
 
     #[test]

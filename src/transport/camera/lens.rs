@@ -1,6 +1,6 @@
 //! Pinhole and thin-lens projection.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::FilterSpec;
 use crate::math::warp::concentric_disk;
@@ -23,6 +23,32 @@ pub struct Camera {
     filter: FilterSpec,
 }
 
+/// A point of the scene joined to a point of the lens: the end of a light path.
+///
+/// One light path is traced for every sample of every pixel, which makes the number of pixels cancel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraConnection {
+    /// Column and row of the pixel that the light counts for.
+    pub pixel: [u32; 2],
+    /// The point of the lens, in world space; the pinhole itself where there is no lens.
+    pub lens: Vec3,
+    /// Unit direction from the lens to the point.
+    pub dir: Vec3,
+    /// Distance between the two, in scene units.
+    pub distance: f32,
+    /// What the light is worth, in 1 / (scene unit)^2: `throughput * f * |cos at the point| * importance` is what the
+    /// light path adds to the sum of pixel `pixel`, where `throughput` is the emitted radiance times all cosines over
+    /// all densities up to the point, and `f` the BSDF there (for a point that emits, `throughput` is one over the
+    /// density of the point per area, and `f` the emitted radiance).
+    ///
+    /// It is the importance of [Veach 1997, 8.3.2], `1 / (A cos^4)` times the cosine at the lens over the squared
+    /// distance, where `A` is the film's area at distance one and the density of the lens point has been divided out;
+    /// times the sum of the filters of all pixels at this place of the film, which is one for a box of one pixel.
+    pub importance: f32,
+    /// [`Camera::pdf_w`] of `dir`: with which density per solid angle a camera ray would have gone there.
+    pub pdf_w: f32,
+}
+
 impl Camera {
     /// A camera from its description. Degenerate ones (looking at itself, or along `up`) get some direction rather
     /// than NaN; loaders refuse them first.
@@ -32,7 +58,7 @@ impl Camera {
         let right = forward.cross(desc.up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
         let up = right.cross(forward);
         let resolution = resolution.map(|n| n as f32);
-        let half_y = (0.5 * desc.fov_deg.to_radians()).tan();
+        let half_y = (0.5 * desc.view_deg().to_radians()).tan();
         Camera {
             position: desc.position,
             right,
@@ -40,13 +66,19 @@ impl Camera {
             forward,
             half: [half_y * resolution[0] / resolution[1], half_y],
             resolution,
-            lens_radius: 0.5 * desc.aperture,
+            lens_radius: 0.5 * desc.lens_diameter(),
             focus_distance: desc.focus_distance.unwrap_or_else(|| axis.length()),
             filter,
         }
     }
 
     /// A ray through a pixel; its weight is one. Uses two dimensions for the filter and, with a lens, two more.
+    ///
+    /// The lens is a disk of uniform density, and what is in focus a plane across the axis. The first source draws the
+    /// radius itself uniformly (4.8), which crowds rays in the middle of the lens and makes blurred lamps bright in the
+    /// middle; both sources focus on a sphere about the camera (4.6, listing 3.1), and the second one measures the focus
+    /// from its sensor. A point at depth `z` is a disk of diameter `A |z - d| / z` in the plane of focus at depth `d`,
+    /// for a lens of diameter `A`.
     #[inline]
     pub fn sample_ray(&self, pixel: [u32; 2], sampler: &mut Sampler) -> Ray {
         let offset = self.filter.sample(sampler.next_2d());
@@ -60,11 +92,92 @@ impl Camera {
         let focus = self.position + through * self.focus_distance;
         Ray { origin, dir: (focus - origin).normalize_or(self.forward) }
     }
+
+    /// Joins a point of the scene to the camera; visibility is not tested. `lens_u` chooses the point of the lens
+    /// (unused for a pinhole), `filter_u` the pixel among those whose filter covers the place on the film.
+    ///
+    /// `None` behind the camera, outside the film, and where no light path can meet the film with any density: with a
+    /// filter of radius zero, whose pixels are points.
+    #[inline]
+    pub fn connect(&self, point: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
+        let disk = self.disk(lens_u);
+        let to = point - self.on_lens(disk);
+        let distance = to.length();
+        let met = self.meet(disk, to / distance, filter_u)?;
+        Some(CameraConnection { distance, importance: met.importance / (distance * distance), ..met })
+    }
+
+    /// Joins a direction from outside the scene to the camera, as [`Camera::connect`] does a point: `dir` is the unit
+    /// direction from the lens. The distance is infinite, and `importance` is per solid angle, without a unit:
+    /// `throughput * importance` is what the light adds, where `throughput` is radiance over its density per solid angle.
+    #[inline]
+    pub fn connect_direction(&self, dir: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
+        self.meet(self.disk(lens_u), dir, filter_u)
+    }
+
+    #[inline]
+    fn disk(&self, lens_u: [f32; 2]) -> Vec2 {
+        if self.lens_radius > 0.0 { concentric_disk(lens_u) * self.lens_radius } else { Vec2::ZERO }
+    }
+
+    #[inline]
+    fn on_lens(&self, disk: Vec2) -> Vec3 {
+        self.position + self.right * disk.x + self.up * disk.y
+    }
+
+    /// Where light along `-dir` through a point of the lens meets the film.
+    #[inline]
+    fn meet(&self, disk: Vec2, dir: Vec3, filter_u: [f32; 2]) -> Option<CameraConnection> {
+        let depth = dir.dot(self.forward);
+        if !(depth > 0.0 && dir.is_finite()) {
+            return None;
+        }
+        // Where the ray meets the plane of focus, relative to the camera and scaled back to distance one. For a pinhole
+        // that plane may be anywhere.
+        let (x, y) = (dir.dot(self.right) / depth, dir.dot(self.up) / depth);
+        let shift = if self.lens_radius > 0.0 { disk / self.focus_distance } else { Vec2::ZERO };
+        let film = [(x + shift.x) / self.half[0], -(y + shift.y) / self.half[1]];
+        let place = [0, 1].map(|i| 0.5 * (film[i] + 1.0) * self.resolution[i]);
+        let (column, weight_x) = self.filter.choose(place[0], self.resolution[0] as u32, filter_u[0])?;
+        let (row, weight_y) = self.filter.choose(place[1], self.resolution[1] as u32, filter_u[1])?;
+        let pdf_w = self.pdf_w(dir);
+        Some(CameraConnection {
+            pixel: [column, row],
+            lens: self.on_lens(disk),
+            dir,
+            distance: f32::INFINITY,
+            importance: weight_x * weight_y * pdf_w,
+            pdf_w,
+        })
+    }
+
+    /// Width and height of the picture in pixels.
+    pub fn resolution(&self) -> [u32; 2] {
+        self.resolution.map(|n| n as u32)
+    }
+
+    /// Density per solid angle with which a camera ray goes into the unit direction `dir`, whichever its pixel: places
+    /// on the film count as uniform, `1 / (A cos^3)` with `A` the film's area at distance one and the cosine to the
+    /// optical axis. It does not depend on the point of the lens.
+    ///
+    /// With a box of one pixel this is exact for directions that meet the film. With other filters the density of places
+    /// ripples about this from pixel to pixel and runs out softly at the border; since every technique uses this same
+    /// number, weights of multiple importance sampling still sum to one. Zero away from the scene, and for a filter
+    /// without density, so that no weight counts on a technique that cannot work.
+    #[inline]
+    pub fn pdf_w(&self, dir: Vec3) -> f32 {
+        let cos = dir.dot(self.forward);
+        if cos <= 0.0 || self.filter.reach() <= 0.0 {
+            return 0.0;
+        }
+        1.0 / (4.0 * self.half[0] * self.half[1] * cos * cos * cos)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::desc::Optics;
     use crate::transport::camera::FilterKind;
 
     fn desc(aperture: f32) -> CameraDesc {
@@ -75,6 +188,7 @@ mod tests {
             fov_deg: 90.0,
             aperture,
             focus_distance: None,
+            optics: Optics::default(),
         }
     }
 

@@ -3,5 +3,5 @@
 pub mod filter;
 pub mod lens;
 
-pub use filter::{FilterKind, FilterSpec};
-pub use lens::Camera;
+pub use filter::{FILTER_NAMES, FilterKind, FilterSpec};
+pub use lens::{Camera, CameraConnection};

@@ -9,7 +9,7 @@ use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::Surface;
+use crate::transport::surface::{Overhang, Surface};
 use crate::value::schema::Table;
 
 /// The row of this integrator.
@@ -28,14 +28,24 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
     let mut throughput = Vec3::ONE;
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     let mut eta_scale = 1.0f32;
+    let mut over: Option<Overhang> = None;
     for depth in 1..=context.max_depth {
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else { break };
+        let mut found = |radiance: Vec3| {
+            if radiance != Vec3::ZERO {
+                let value = throughput * radiance;
+                sink(Contribution { pixel, value, unweighted: value, s: 0, t: depth + 1 });
+            }
+        };
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            found(context.lights.environment(ray.dir));
+            break;
+        };
         let surface = Surface::at(scene, &ray, &hit);
-        let wo = -ray.dir;
-        let emitted = surface.emitted(&scene.textures, wo);
-        if emitted != Vec3::ZERO {
-            sink(Contribution { pixel, value: throughput * emitted, depth });
+        if over.is_some_and(|o| !o.reaches(surface.position)) {
+            break;
         }
+        let wo = -ray.dir;
+        found(surface.emitted(&scene.textures, wo));
         if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
             break;
         }
@@ -55,5 +65,6 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             break;
         }
         ray = surface.spawn(s.wi);
+        over = surface.overhang_into(s.wi);
     }
 }

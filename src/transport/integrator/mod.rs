@@ -1,8 +1,10 @@
 //! Integrators: ways of finding the light that reaches a pixel, one file and one table row each.
 
+pub mod bdpt;
 pub mod bpt;
-
-use std::collections::BTreeMap;
+pub mod nee;
+pub mod oracle;
+pub mod settings;
 
 use super::camera::Camera;
 use super::contribution::Contribution;
@@ -10,8 +12,9 @@ use super::light::Lights;
 use super::ray::Trace;
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
-use crate::value::Value;
 use crate::value::schema::Table;
+
+pub use settings::Settings;
 
 /// Everything that stays the same from sample to sample.
 pub struct Context<'a> {
@@ -27,8 +30,8 @@ pub struct Context<'a> {
     pub max_depth: u32,
     /// First path edge after which Russian roulette may end a path; `None` is never.
     pub rr_start: Option<u32>,
-    /// The integrator's own parameters, checked against its row.
-    pub params: &'a BTreeMap<String, Value>,
+    /// The integrator's own parameters.
+    pub settings: &'a Settings,
 }
 
 /// Hands every contribution of one sample of one pixel to the sink.
@@ -52,7 +55,7 @@ pub struct IntegratorRow {
 }
 
 /// Every integrator there is.
-pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW];
+pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW, nee::ROW, bdpt::ROW];
 
 /// The row with this name.
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {

@@ -1,79 +1,369 @@
-//! Light sources: emissive triangles and spheres, and the choice among them.
+//! Light sources, and the choice among them.
 //!
-//! A point of a light is drawn uniformly over the emitting area of the whole scene: an emitter with the probability of
-//! its share of the area, then a point on it. The density is then `1 / total area` exactly, whatever the sizes.
+//! Three verbs serve every integrator: [`Lights::sample_direct`] finds light that arrives at a point,
+//! [`Lights::sample_emission`] starts a path at a light, and the densities of both answer for light that a path found
+//! by other means. Radiance itself is [`Surface::emitted`](super::surface::Surface::emitted) for surfaces and
+//! [`Lights::environment`] for rays that leave the scene.
+//!
+//! A density includes the probability with which its light was chosen, except where a name says `one`: those serve
+//! integrators that ask every light in turn ([`Lights::each`]).
+//!
+//! | light | [`Lights::sample_direct`] | [`Lights::sample_emission`] |
+//! |---|---|---|
+//! | triangle | uniform over its area | uniform over its area, cosine about its normal |
+//! | sphere | uniform over the cone that it fills; nothing from inside | uniform over its area, cosine about its normal |
+//! | point | certain | `pdf_a` is the choice's probability, `pdf_w` is 1 / (4 pi) |
+//! | direction | certain | uniform over a disk that covers the scene, across the direction; `pdf_w` is 1 |
+//! | environment | its brightness times solid angle | the same, then uniform over a disk across the direction |
+//!
+//! Throughput at the start of a light path is `radiance * cos / (pdf_a * pdf_w)` for every kind.
+//!
+//! # Densities of a path's last edge
+//!
+//! How the strategies of bidirectional methods find the last edge of a path, from the surface point x to the light
+//! [Veach 1997, 8.2 and 10.3]: `w` is the unit direction from x to the light, `c` the probability of choosing it
+//! ([`Lights::pdf_choice`]), `p(w)` the density with which the surface samples `w`, R the radius of the ball around all
+//! surfaces ([`Lights::pdf_emission_at`] has the disk's density). In a path that ends at a light without a place, the
+//! direction takes the part of the last vertex, and its density stays per solid angle: the disk is only a way of finding x.
+//!
+//! | light | met (s = 0) | sampled from x (s = 1) | start of a light path (s >= 2), then x |
+//! |---|---|---|---|
+//! | surface, at y | p(w) cos_y / d^2 per area of y | c [`Lights::pdf_direct_one_w`] cos_y / d^2 per area of y | c / area per area of y; then cos_y / pi per solid angle |
+//! | environment | p(w) per solid angle | c p_env(w) per solid angle | c p_env(w) per solid angle; then cos_x / (pi R^2) per area of x |
+//! | direction | never | c, a Dirac | c, a Dirac; then cos_x / (pi R^2) per area of x |
+//! | point | never | c, a Dirac | c, a Dirac; then 1 / (4 pi) per solid angle |
 
-use glam::Vec3;
+mod area;
+mod bounds;
+mod directional;
+mod environment;
+mod point;
+mod select;
+mod sphere;
 
-use crate::math::distribution::Discrete;
-use crate::math::warp;
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+
+use self::bounds::Ball;
+use self::environment::Surroundings;
+use super::surface::sphere_uv;
+use crate::math::distribution::Alias;
+use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
 
-/// All light sources of a scene.
+pub use select::{FIELD as SELECT_FIELD, Select};
+
+/// All light sources of a scene. They have indices: emissive primitives first, then points, directions, and the
+/// environment.
 #[derive(Clone, Debug)]
 pub struct Lights {
-    by_area: Option<Discrete>,
+    /// Over all indices; `None` if nothing shines.
+    choice: Option<Alias>,
+    ids: Vec<LightId>,
+    /// Index of the first light of a kind: points, directions, environment.
+    first: [u32; 3],
+    surroundings: Option<Surroundings>,
+    ball: Ball,
+    total_area: f64,
 }
 
-/// A point on a light source.
+/// Relative luminance of linear sRGB [IEC 61966-2-1].
+pub fn luminance(color: Vec3) -> f64 {
+    color.as_dvec3().dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// Light that arrives at a point, not yet tested for shadow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectSample {
+    /// Unit direction from the point to the light.
+    pub wi: Vec3,
+    /// Distance to the light; infinite for lights without a place.
+    pub distance: f32,
+    /// Radiance that arrives along `-wi`; for a Dirac light the irradiance it makes on a surface facing it.
+    pub radiance: Vec3,
+    /// Density per solid angle at the point; for a Dirac light the probability of choosing it.
+    pub pdf_w: f32,
+    /// Whether no other technique can find this light (points, directions).
+    pub delta: bool,
+    /// The point on the light, for techniques that go on from it.
+    pub point: LightPoint,
+}
+
+/// A point of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightPoint {
-    /// Primitive id of the emitter.
-    pub primitive: u32,
-    /// Barycentric weights of the second and third corner on a triangle; zero on a sphere.
-    pub uv: [f32; 2],
-    /// Position in world space.
+    /// Which light.
+    pub light: LightId,
+    /// Position in world space; for lights without a place, a point outside the scene's bounding sphere.
     pub position: Vec3,
-    /// Unit normal on the emitting side.
+    /// Unit normal on the emitting side; for lights without a surface, the direction of the emission.
     pub normal: Vec3,
-    /// Density per area.
+    /// Texture coordinates before tiling; zero for lights without a surface.
+    pub uv: Vec2,
+}
+
+/// Names one light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightId {
+    /// Row of [`CompiledScene::emitters`].
+    Emitter(u32),
+    /// Row of [`CompiledScene::points`].
+    Point(u32),
+    /// Row of [`CompiledScene::directionals`].
+    Directional(u32),
+    /// [`CompiledScene::environment`].
+    Environment,
+}
+
+/// The start of a path at a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmissionSample {
+    /// Where it starts.
+    pub point: LightPoint,
+    /// Unit direction in which it leaves.
+    pub dir: Vec3,
+    /// Emitted radiance in that direction (intensity for a point, irradiance for a direction).
+    pub radiance: Vec3,
+    /// Density of the position per area, the choice of the light included; for a point the probability alone, for lights
+    /// without a place per area across the direction.
     pub pdf_a: f32,
+    /// Density of the direction per solid angle, given the position; for a direction 1.
+    pub pdf_w: f32,
+    /// Cosine between the normal and the direction; 1 for lights without a surface.
+    pub cos: f32,
+}
+
+/// How the densities of a light that a path hit would have been, had it been sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmissionPdf {
+    /// Density of the position as in [`EmissionSample::pdf_a`].
+    pub pdf_a: f32,
+    /// Density of the direction as in [`EmissionSample::pdf_w`].
+    pub pdf_w: f32,
 }
 
 impl Lights {
-    /// Gathers the emitters of a scene.
+    /// Gathers the lights of a scene, chosen by their power.
     pub fn new(scene: &CompiledScene) -> Lights {
-        Lights { by_area: Discrete::new(scene.emitters.iter().map(|e| e.area)) }
+        Lights::with_select(scene, Select::default())
     }
 
-    /// Total emitting area in square scene units; zero without lights.
+    /// Gathers the lights of a scene.
+    pub fn with_select(scene: &CompiledScene, select: Select) -> Lights {
+        let surroundings = scene.environment.as_ref().and_then(Surroundings::new);
+        let [emitters, points, directionals] =
+            [scene.emitters.len(), scene.points.len(), scene.directionals.len()].map(|n| n as u32);
+        let ids: Vec<LightId> = (0..emitters)
+            .map(LightId::Emitter)
+            .chain((0..points).map(LightId::Point))
+            .chain((0..directionals).map(LightId::Directional))
+            .chain(surroundings.is_some().then_some(LightId::Environment))
+            .collect();
+        let ball = Ball::around(scene);
+        let weights = select::weights(scene, select, ids.iter().copied(), &ball, surroundings.as_ref());
+        Lights {
+            choice: Alias::new(weights),
+            ids,
+            first: [emitters, emitters + points, emitters + points + directionals],
+            surroundings,
+            ball,
+            total_area: scene.emitters.iter().map(|e| f64::from(e.area)).sum(),
+        }
+    }
+
+    /// Number of lights.
+    pub fn count(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// The indices of all lights, for [`Lights::sample_direct_from`].
+    pub fn each(&self) -> Range<u32> {
+        0..self.ids.len() as u32
+    }
+
+    /// The light with an index below [`Lights::count`].
+    pub fn id(&self, index: u32) -> LightId {
+        self.ids[index as usize]
+    }
+
+    /// Total area of emissive surfaces in square scene units.
     pub fn total_area(&self) -> f64 {
-        self.by_area.as_ref().map_or(0.0, Discrete::total)
+        self.total_area
     }
 
-    /// A point uniform over the emitting area; `None` without lights.
-    pub fn sample_area(&self, scene: &CompiledScene, choice: f32, u: [f32; 2]) -> Option<LightPoint> {
-        let (i, probability) = self.by_area.as_ref()?.sample(choice);
-        let emitter = &scene.emitters[i];
-        let pdf_a = probability / emitter.area;
-        let p = emitter.primitive as usize;
-        Some(match scene.triangles.get(p) {
-            Some([a, b, c]) => {
-                let [v, w] = warp::uniform_triangle(u);
-                LightPoint {
-                    primitive: emitter.primitive,
-                    uv: [v, w],
-                    position: *a * (1.0 - v - w) + *b * v + *c * w,
-                    normal: (*b - *a).cross(*c - *a).normalize_or_zero(),
-                    pdf_a,
-                }
-            }
-            None => {
-                let sphere = &scene.spheres[p - scene.triangles.len()];
-                let normal = warp::uniform_sphere(u);
-                LightPoint {
-                    primitive: emitter.primitive,
-                    uv: [0.0; 2],
-                    position: sphere.center + normal * sphere.radius,
-                    normal,
-                    pdf_a,
-                }
-            }
-        })
+    /// Probability with which a light is chosen; zero for one that the scene does not have.
+    #[inline]
+    pub fn pdf_choice(&self, light: LightId) -> f32 {
+        let index = match light {
+            LightId::Emitter(i) => i,
+            LightId::Point(i) => self.first[0] + i,
+            LightId::Directional(i) => self.first[1] + i,
+            LightId::Environment => self.first[2],
+        } as usize;
+        if index >= self.ids.len() {
+            return 0.0;
+        }
+        self.choice.as_ref().map_or(0.0, |c| c.pmf(index))
     }
 
-    /// Density per area with which [`Lights::sample_area`] finds any point of emitter `i`.
-    pub fn pdf_a(&self, scene: &CompiledScene, i: u32) -> f32 {
-        self.by_area.as_ref().map_or(0.0, |d| d.pmf(i as usize) / scene.emitters[i as usize].area)
+    /// Radiance that arrives along `-dir` from outside the scene.
+    #[inline]
+    pub fn environment(&self, dir: Vec3) -> Vec3 {
+        self.surroundings.as_ref().map_or(Vec3::ZERO, |s| s.radiance(dir))
+    }
+
+    /// Light that arrives at `from`; `None` where the drawn point cannot shine there.
+    #[inline]
+    pub fn sample_direct(&self, scene: &CompiledScene, from: Vec3, choice: f32, u: [f32; 2]) -> Option<DirectSample> {
+        let (index, probability) = self.choice.as_ref()?.sample(choice);
+        let one = self.sample_direct_from(scene, index as u32, from, u)?;
+        Some(DirectSample { pdf_w: one.pdf_w * probability, ..one })
+    }
+
+    /// Light that arrives at `from` from the light with this index. Its density does not include the choice; for a Dirac
+    /// light it is 1.
+    #[inline]
+    pub fn sample_direct_from(
+        &self,
+        scene: &CompiledScene,
+        index: u32,
+        from: Vec3,
+        u: [f32; 2],
+    ) -> Option<DirectSample> {
+        match self.ids[index as usize] {
+            LightId::Emitter(i) => match area::sphere(scene, i) {
+                None => area::sample_direct(scene, i, from, u),
+                Some(ball) => {
+                    let s = sphere::sample(ball, from, u)?;
+                    let position = ball.center + s.normal * ball.radius;
+                    let point =
+                        LightPoint { light: LightId::Emitter(i), position, normal: s.normal, uv: sphere_uv(s.normal) };
+                    let radiance = area::emission(scene, i, point.uv);
+                    let distance = position.distance(from);
+                    Some(DirectSample { wi: s.wi, distance, radiance, pdf_w: s.pdf_w, delta: false, point })
+                }
+            },
+            LightId::Point(i) => point::sample_direct(&scene.points[i as usize], i, from),
+            LightId::Directional(i) => {
+                Some(directional::sample_direct(&scene.directionals[i as usize], i, from, &self.ball))
+            }
+            LightId::Environment => {
+                let (wi, pdf_w) = self.surroundings.as_ref()?.sample(u);
+                let point = self.ball.outside(LightId::Environment, from, wi);
+                let radiance = self.environment(wi);
+                let usable = pdf_w > 0.0;
+                usable.then_some(DirectSample { wi, distance: f32::INFINITY, radiance, pdf_w, delta: false, point })
+            }
+        }
+    }
+
+    /// Density per solid angle at `from` with which [`Lights::sample_direct`] finds the point `at` of emitter `i`, whose
+    /// front side has the unit normal `normal` there; zero seen from behind.
+    #[inline]
+    pub fn pdf_direct_w(&self, scene: &CompiledScene, from: Vec3, i: u32, at: Vec3, normal: Vec3) -> f32 {
+        self.pdf_choice(LightId::Emitter(i)) * self.pdf_direct_one_w(scene, from, i, at, normal)
+    }
+
+    /// The same for [`Lights::sample_direct_from`]: the choice is not included.
+    #[inline]
+    pub fn pdf_direct_one_w(&self, scene: &CompiledScene, from: Vec3, i: u32, at: Vec3, normal: Vec3) -> f32 {
+        match area::sphere(scene, i) {
+            None => area::pdf_direct_w(scene, i, from, at, normal),
+            Some(ball) => sphere::pdf_w(ball, from, at, normal),
+        }
+    }
+
+    /// Density per solid angle with which [`Lights::sample_direct`] finds the environment in direction `dir`.
+    #[inline]
+    pub fn pdf_environment_w(&self, dir: Vec3) -> f32 {
+        self.pdf_choice(LightId::Environment) * self.pdf_environment_one_w(dir)
+    }
+
+    /// The same for [`Lights::sample_direct_from`]: the choice is not included.
+    #[inline]
+    pub fn pdf_environment_one_w(&self, dir: Vec3) -> f32 {
+        self.surroundings.as_ref().map_or(0.0, |s| s.pdf_w(dir))
+    }
+
+    /// The start of a path at a light, with the measures of the table above; `None` where it would carry nothing.
+    #[inline]
+    pub fn sample_emission(
+        &self,
+        scene: &CompiledScene,
+        choice: f32,
+        u: [f32; 2],
+        v: [f32; 2],
+    ) -> Option<EmissionSample> {
+        let (index, probability) = self.choice.as_ref()?.sample(choice);
+        let one = match self.ids[index] {
+            LightId::Emitter(i) => {
+                let point = area::sample(scene, i, u);
+                let local = warp::cosine_hemisphere(v);
+                EmissionSample {
+                    point,
+                    dir: Frame::from_normal(point.normal).to_world(local),
+                    radiance: area::emission(scene, i, point.uv),
+                    pdf_a: area::pdf_a(scene, i),
+                    pdf_w: warp::cosine_hemisphere_pdf_w(local.z),
+                    cos: local.z,
+                }
+            }
+            LightId::Point(i) => point::sample_emission(&scene.points[i as usize], i, v),
+            LightId::Directional(i) => directional::sample_emission(&scene.directionals[i as usize], i, &self.ball, u),
+            LightId::Environment => {
+                let (from, pdf_w) = self.surroundings.as_ref()?.sample(v);
+                EmissionSample {
+                    point: self.ball.on_disk(LightId::Environment, -from, u),
+                    dir: -from,
+                    radiance: self.environment(from),
+                    pdf_a: self.ball.pdf_a(),
+                    pdf_w,
+                    cos: 1.0,
+                }
+            }
+        };
+        let usable = one.pdf_w > 0.0 && one.pdf_a > 0.0;
+        usable.then_some(EmissionSample { pdf_a: one.pdf_a * probability, ..one })
+    }
+
+    /// The densities with which [`Lights::sample_emission`] starts a path at a point of emitter `i` in a direction whose
+    /// cosine with the front normal is `cos`.
+    #[inline]
+    pub fn pdf_emission(&self, scene: &CompiledScene, i: u32, cos: f32) -> EmissionPdf {
+        let pdf_a = self.pdf_choice(LightId::Emitter(i)) * area::pdf_a(scene, i);
+        EmissionPdf { pdf_a, pdf_w: warp::cosine_hemisphere_pdf_w(cos) }
+    }
+
+    /// The densities with which [`Lights::sample_emission`] starts a path at a point of any light in the unit direction
+    /// `dir`. For a direction, `pdf_w` is 1 in its own direction and 0 in others.
+    pub fn pdf_emission_at(&self, scene: &CompiledScene, point: &LightPoint, dir: Vec3) -> EmissionPdf {
+        let choice = self.pdf_choice(point.light);
+        match point.light {
+            LightId::Emitter(i) => self.pdf_emission(scene, i, point.normal.dot(dir)),
+            LightId::Point(_) => EmissionPdf { pdf_a: choice, pdf_w: point::PDF_W },
+            LightId::Directional(i) => {
+                let own = directional::shines_into(&scene.directionals[i as usize], dir);
+                EmissionPdf { pdf_a: choice * self.ball.pdf_a(), pdf_w: if own { 1.0 } else { 0.0 } }
+            }
+            LightId::Environment => {
+                EmissionPdf { pdf_a: choice * self.ball.pdf_a(), pdf_w: self.pdf_environment_one_w(-dir) }
+            }
+        }
+    }
+
+    /// What a light sends from a point into the unit direction `dir`: radiance, the intensity of a point, the irradiance
+    /// of a direction; black behind a surface.
+    pub fn emitted(&self, scene: &CompiledScene, point: &LightPoint, dir: Vec3) -> Vec3 {
+        match point.light {
+            LightId::Emitter(i) if point.normal.dot(dir) > 0.0 => area::emission(scene, i, point.uv),
+            LightId::Emitter(_) => Vec3::ZERO,
+            LightId::Point(i) => scene.points[i as usize].intensity,
+            LightId::Directional(i) => {
+                let light = &scene.directionals[i as usize];
+                if directional::shines_into(light, dir) { light.irradiance } else { Vec3::ZERO }
+            }
+            LightId::Environment => self.environment(-dir),
+        }
     }
 }

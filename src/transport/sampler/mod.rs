@@ -1,97 +1,108 @@
 //! Sources of sample numbers, keyed by seed, pixel, sample and dimension.
+//!
+//! A sampler is the numbers of one sample of one pixel. An integrator takes them in whatever order it needs them;
+//! numbers that one event needs together are best taken one after the other, single ones first and the pair last, as in
+//! "which lobe, then which direction": [`Sobol`] then spreads all three together over the samples of the pixel.
 
-use crate::math::rng::{pcg4d, unit};
+mod independent;
+mod sobol;
 
-/// Independent uniform numbers. The state is a key and a counter of dimensions; nothing else decides a number.
+pub use independent::Independent;
+pub use sobol::Sobol;
+
+/// The numbers of one sample of one pixel. Nothing but key and order decides a number, so that any range of samples has
+/// the same numbers in any grouping into waves and on any thread.
 #[derive(Clone, Debug)]
-pub struct Sampler {
-    key: [u32; 4],
-    block: u32,
-    words: [u32; 4],
-    used: usize,
+pub enum Sampler {
+    /// Independent uniform numbers.
+    Independent(Independent),
+    /// Numbers that are spread evenly over the samples of a pixel.
+    Sobol(Sobol),
 }
 
 impl Sampler {
-    /// The numbers of one sample of one pixel.
+    /// Independent numbers, those of [`INDEPENDENT`].
     #[inline]
     pub fn new(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
-        let key = pcg4d([
-            pixel[0] | (pixel[1] << 16),
-            (seed as u32) ^ (pixel[0] >> 16).rotate_left(8) ^ (pixel[1] >> 16),
-            sample as u32,
-            ((seed >> 32) as u32) ^ ((sample >> 32) as u32).rotate_left(16),
-        ]);
-        Sampler { key, block: 0, words: [0; 4], used: 4 }
+        Sampler::Independent(Independent::new(seed, pixel, sample))
+    }
+
+    /// Numbers of the Owen-scrambled sequence, those of [`SOBOL`].
+    #[inline]
+    pub fn sobol(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
+        Sampler::Sobol(Sobol::new(seed, pixel, sample))
     }
 
     /// The next number, in `[0, 1)`.
     #[inline]
     pub fn next_1d(&mut self) -> f32 {
-        if self.used == 4 {
-            let [a, b, c, d] = self.key;
-            self.words = pcg4d([a, b, c, d.wrapping_add(self.block)]);
-            self.block = self.block.wrapping_add(1);
-            self.used = 0;
+        match self {
+            Sampler::Independent(s) => s.next_1d(),
+            Sampler::Sobol(s) => s.next_1d(),
         }
-        let word = self.words[self.used];
-        self.used += 1;
-        unit(word)
     }
 
-    /// The next two numbers, each in `[0, 1)`.
+    /// The next two numbers, each in `[0, 1)`, for a decision in two dimensions.
     #[inline]
     pub fn next_2d(&mut self) -> [f32; 2] {
-        [self.next_1d(), self.next_1d()]
+        match self {
+            Sampler::Independent(s) => [s.next_1d(), s.next_1d()],
+            Sampler::Sobol(s) => s.next_2d(),
+        }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::stats::chi_square_p;
+/// Starts the numbers of one sample of one pixel.
+pub type StartFn = fn(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler;
 
-    #[test]
-    fn same_key_same_numbers_and_any_other_key_others() {
-        let take = |mut s: Sampler| (0..9).map(|_| s.next_1d()).collect::<Vec<_>>();
-        let base = take(Sampler::new(7, [3, 4], 5));
-        assert_eq!(base, take(Sampler::new(7, [3, 4], 5)));
-        let others = [
-            Sampler::new(8, [3, 4], 5),
-            Sampler::new(7 | 1 << 40, [3, 4], 5),
-            Sampler::new(7, [4, 3], 5),
-            Sampler::new(7, [3, 4], 6),
-            Sampler::new(7, [3, 4], 5 | 1 << 33),
-            Sampler::new(7, [3 | 1 << 17, 4], 5),
-        ];
-        for other in others {
-            let other = take(other);
-            assert!(base.iter().zip(&other).all(|(a, b)| a != b), "{base:?} {other:?}");
-        }
-    }
+/// One row of [`SAMPLERS`].
+#[derive(Debug)]
+pub struct SamplerRow {
+    /// The name in scripts and columns.
+    pub name: &'static str,
+    /// Raised whenever its numbers change; part of every run's identity.
+    pub revision: u32,
+    /// What it does, in a sentence, with its source.
+    pub doc: &'static str,
+    /// Starts a sample.
+    pub start: StartFn,
+}
 
-    #[test]
-    fn pairs_fill_the_square_over_samples_pixels_and_dimensions() {
-        // Three ways of walking the key space, 16 x 16 cells each; significance 0.001 split over three tests.
-        let walks: [fn(u32) -> [f32; 2]; 3] = [
-            |i| Sampler::new(1, [5, 6], u64::from(i)).next_2d(),
-            |i| Sampler::new(1, [i % 300, i / 300], 0).next_2d(),
-            |i| {
-                let mut s = Sampler::new(1, [9, 9], u64::from(i / 64));
-                for _ in 0..i % 64 {
-                    s.next_2d();
-                }
-                s.next_2d()
-            },
-        ];
-        for walk in walks {
-            let n = 1u32 << 16;
-            let mut observed = vec![0.0; 256];
-            for i in 0..n {
-                let [x, y] = walk(i);
-                observed[(x * 16.0) as usize * 16 + (y * 16.0) as usize] += 1.0;
-            }
-            let expected = vec![f64::from(n) / 256.0; 256];
-            assert!(chi_square_p(&observed, &expected, 0) > 0.001 / 3.0);
-        }
+/// The row of independent numbers.
+pub const INDEPENDENT: &SamplerRow = &SAMPLERS[0];
+
+/// The row of the Owen-scrambled sequence.
+pub const SOBOL: &SamplerRow = &SAMPLERS[1];
+
+/// Every sampler there is; the first is what a script gets that asks for none.
+pub const SAMPLERS: &[SamplerRow] = &[
+    SamplerRow {
+        name: "independent",
+        revision: 1,
+        doc: "Independent uniform numbers, a hash of their key [Jarzynski & Olano 2020].",
+        start: Sampler::new,
+    },
+    SamplerRow {
+        name: "sobol",
+        revision: 1,
+        doc: "The Owen-scrambled Sobol sequence, padded by shuffling [Burley 2020]: mostly less error from the same \
+              number of samples. Standard errors of pixels take samples for independent, so they are mostly too large.",
+        start: Sampler::sobol,
+    },
+];
+
+/// Names of the samplers, in the order of [`SAMPLERS`].
+pub const SAMPLER_NAMES: [&str; SAMPLERS.len()] = {
+    let mut names = [""; SAMPLERS.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = SAMPLERS[i].name;
+        i += 1;
     }
+    names
+};
+
+/// The row with this name.
+pub fn sampler(name: &str) -> Option<&'static SamplerRow> {
+    SAMPLERS.iter().find(|row| row.name == name)
 }

@@ -11,7 +11,6 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellConfig, CellRef, Plan, WaveRow};
 use crate::render::OpenStats;
 use crate::scene::SceneDesc;
-use crate::transport::camera::FilterKind;
 use crate::transport::integrator;
 use crate::tui::eta;
 use crate::tui::look::Look;
@@ -180,10 +179,7 @@ impl Sheet {
 
     fn subject(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
         let [w, h] = config.resolution.unwrap_or(scene.resolution);
-        let filter = match config.filter.kind {
-            FilterKind::Box => "box",
-            FilterKind::Gauss => "gauss",
-        };
+        let filter = config.filter.kind.name();
         let name = words::fit(&words::scene_name(&config.scene), self.width, self.look.glyphs().ellipsis);
         let size = format!("{w}x{h} px");
         let filter = format!("{filter} {} px", config.filter.radius);

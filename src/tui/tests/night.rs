@@ -16,7 +16,7 @@ use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::render::OpenStats;
 use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
+use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::tui::model::Model;
 use crate::value::Value;
@@ -32,9 +32,12 @@ fn scene() -> SceneDesc {
             fov_deg: 40.0,
             aperture: 0.0,
             focus_distance: None,
+            optics: Optics::default(),
         },
         materials: Vec::new(),
         entities: Vec::new(),
+        lights: Vec::new(),
+        environment: None,
     }
 }
 
@@ -48,6 +51,8 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         resolution: Some([512, 512]),
         rr_start: Some(3),
         filter: FilterSpec { kind: FilterKind::Gauss, radius },
+        films: Vec::new(),
+        sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
     }
@@ -207,7 +212,7 @@ impl Teller {
         if matches!(cell, CellRef::Reference(_)) {
             rows.iter_mut().for_each(|row| row.metrics.clear());
         }
-        let event = Event::CellFinished { cell, outcome, film: None, rows: Arc::new(rows) };
+        let event = Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), rows: Arc::new(rows) };
         self.events.push((event, self.clock_s));
         self
     }

@@ -1,12 +1,14 @@
 //! Wavefront OBJ meshes, parsed by `tobj` after [`text`] has checked them.
 //!
-//! Read are `v`, `vt`, `vn`, `f`, `usemtl`, `o` and `g`. `.mtl` files are not. A face belongs to the material that
+//! Read are `v`, `vt`, `vn`, `f`, `usemtl`, `o` and `g`, and of a mesh that is a scene by itself the `.mtl` files that it
+//! names ([`mtl`]). A face belongs to the material that
 //! the last `usemtl` named; an `o` or `g` that follows faces goes back to the default material. Polygons are cut as
 //! fans from their first corner. Smoothing groups, lines, points and free-form surfaces have no effect.
 //!
 //! The front of a face with normals is the side to which the mean of its corners' normals points, whatever its
 //! winding; the front of a face without normals follows from its winding as the caller says.
 
+mod mtl;
 mod text;
 
 use std::collections::BTreeMap;
@@ -14,9 +16,10 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::read;
+use super::{Missing, read};
 use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
+    mesh_hash,
 };
 use crate::scene::{Note, SceneError};
 
@@ -39,30 +42,52 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     first.and_then(|l| l.split_whitespace().next()).is_some_and(|k| ["v", "vn", "vt", "o", "g", "mtllib"].contains(&k))
 }
 
-/// A bare OBJ as a scene: every material white, and a camera in front of it that frames its bounds.
-pub(super) fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+/// A bare OBJ as a scene: the materials of its material files, white for names that they do not have, and a camera in
+/// front of it that frames its bounds.
+pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
-    let mesh = load_mesh(path, DEFAULT_MATERIAL, Front::CounterClockwise, &mut notes)?;
-    notes.push(Note {
-        file: path.to_owned(),
-        place: "materials".to_owned(),
-        message: "a bare mesh is loaded white and nothing in it shines: `set` the emission of a material \
-                  (`materials.NAME.emission`), or name the mesh in a `.scn`"
-            .to_owned(),
-    });
+    let (mesh, libraries) = load_parts(path, DEFAULT_MATERIAL, Front::CounterClockwise, &mut notes)?;
+    let mut known: Vec<MaterialDesc> = Vec::new();
+    for library in libraries {
+        let file = path.parent().unwrap_or(Path::new("")).join(library.replace('\\', "/"));
+        match mtl::load(&file, missing, &mut notes) {
+            Ok(materials) => known.extend(materials),
+            Err(SceneError::Unreadable { reason, .. }) => notes.push(Note {
+                file: path.to_owned(),
+                place: "mtllib".to_owned(),
+                message: format!("cannot read {}: {reason}: its materials are white", file.display()),
+            }),
+            Err(other) => return Err(other),
+        }
+    }
+    let find = |name: &String| known.iter().find(|m| m.name == *name).cloned();
+    let materials: Vec<MaterialDesc> =
+        mesh.slots.iter().map(|name| find(name).unwrap_or_else(|| MaterialDesc::new(name))).collect();
+    if materials.iter().all(|m| m.emission == Vec3::ZERO) {
+        notes.push(Note {
+            file: path.to_owned(),
+            place: "materials".to_owned(),
+            message: "nothing in this mesh shines: `set` the emission of a material (`materials.NAME.emission`), or \
+                      name the mesh in a `.scn`"
+                .to_owned(),
+        });
+    }
     let camera = framing_camera(&mesh.positions);
     let name = path.file_stem().map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
     let desc = SceneDesc {
         resolution: super::scn::DEFAULT_RESOLUTION,
         max_depth: super::scn::DEFAULT_MAX_DEPTH,
         camera,
-        materials: mesh.slots.iter().map(|s| MaterialDesc::new(s)).collect(),
+        materials,
         entities: vec![EntityDesc {
             name,
             transform: Transform::default(),
             material: None,
+            anisotropic_direction: None,
             shape: ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
         }],
+        lights: Vec::new(),
+        environment: None,
     };
     Ok((desc, notes))
 }
@@ -85,6 +110,7 @@ fn framing_camera(points: &[Vec3]) -> CameraDesc {
         fov_deg,
         aperture: 0.0,
         focus_distance: None,
+        optics: Optics::default(),
     }
 }
 
@@ -95,6 +121,16 @@ pub(super) fn load_mesh(
     front: Front,
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
+    load_parts(path, default_slot, front, notes).map(|(mesh, _)| mesh)
+}
+
+/// Reads one mesh, and the names of its material files.
+fn load_parts(
+    path: &Path,
+    default_slot: &str,
+    front: Front,
+    notes: &mut Vec<Note>,
+) -> Result<(MeshDesc, Vec<String>), SceneError> {
     let malformed = |place: String, problem: String| SceneError::Malformed { file: path.to_owned(), place, problem };
     let bytes = read(path, MAX_OBJ_BYTES)?;
     // Names and comments in other encodings are common and harmless; numbers are ASCII in all of them.
@@ -134,7 +170,7 @@ pub(super) fn load_mesh(
     }
     let mut mesh = builder.mesh;
     mesh.content_hash = mesh_hash(&mesh);
-    Ok(mesh)
+    Ok((mesh, checked.libraries))
 }
 
 struct Builder {
@@ -288,10 +324,10 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("quad.obj");
         std::fs::write(&path, format!("mtllib none.mtl\n{CORNERS}usemtl a\nf 1 2 3 4\n")).unwrap();
-        let (desc, notes) = load(&path).unwrap();
+        let (desc, notes) = load(&path, Missing::Refused).unwrap();
         assert_eq!(desc.entities[0].name, "quad");
         assert_eq!(desc.materials[0].name, "a");
         assert_eq!(desc.camera.target, Vec3::new(0.5, 0.5, 0.0));
-        assert!(notes[0].message.contains("nothing in it shines"));
+        assert!(notes[0].message.contains("none.mtl") && notes[1].message.contains("nothing in this mesh shines"));
     }
 }

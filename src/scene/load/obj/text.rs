@@ -29,6 +29,8 @@ pub(super) struct Checked {
     pub text: String,
     /// Every kind of face in the file, in order of appearance.
     pub groups: Vec<Group>,
+    /// Names of material files, in order, each once.
+    pub libraries: Vec<String>,
     /// What was left out or replaced: place and message.
     pub notes: Vec<(String, String)>,
 }
@@ -43,7 +45,7 @@ pub(super) struct Fault {
 }
 
 /// Statements that say nothing about the surface or are handled elsewhere.
-const SILENT: &[&str] = &["s", "mtllib", "vp", "mg"];
+const SILENT: &[&str] = &["s", "vp", "mg"];
 
 /// Checks a whole OBJ text.
 pub(super) fn check(text: &str) -> Result<Checked, Fault> {
@@ -106,6 +108,7 @@ struct Pass {
     current: Option<usize>,
     counts: Counts,
     ignored: Vec<String>,
+    libraries: Vec<String>,
     notes: Vec<(String, String)>,
 }
 
@@ -160,6 +163,13 @@ impl Pass {
                 }
                 self.material = (!name.is_empty()).then(|| name.to_owned());
                 self.faces_since_material = false;
+                Ok(())
+            }
+            "mtllib" => {
+                let name = line["mtllib".len()..].trim().to_owned();
+                if !name.is_empty() && !self.libraries.contains(&name) {
+                    self.libraries.push(name);
+                }
                 Ok(())
             }
             _ if SILENT.contains(&keyword) => Ok(()),
@@ -346,7 +356,7 @@ impl Pass {
         }
         let mut text = self.vertices;
         text.push_str(&self.faces);
-        Checked { text, groups: self.groups, notes: self.notes }
+        Checked { text, groups: self.groups, libraries: self.libraries, notes: self.notes }
     }
 }
 

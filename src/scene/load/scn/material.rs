@@ -6,39 +6,20 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
-use super::reader::{Object, Report, number, numbers};
+use super::reader::{Object, Report, number, numbers, shorten};
 use crate::scene::SceneError;
 use crate::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
-use crate::scene::load::images;
+use crate::scene::load::{Missing, images};
 use crate::value::Value;
 use crate::value::schema::Ty;
-
-/// Keys that the `.scn` program knows and that have no effect here yet.
-const NO_EFFECT_YET: &[&str] = &[
-    "subsurface",
-    "speculartint",
-    "anisotropic",
-    "anisotropic_direction",
-    "anisotropictexture",
-    "sheen",
-    "sheentint",
-    "clearcoat",
-    "clearcoatgloss",
-    "metallictexture",
-    "roughnesstexture",
-    "opacitytexture",
-    "normaltexture",
-];
-
-/// The key of the mask texture, the one texture that multiplies no parameter.
-const MASK_KEY: &str = "masktexture";
 
 /// The textures of one scene, each file read once.
 #[derive(Default)]
 pub(super) struct Textures(BTreeMap<PathBuf, Arc<TextureDesc>>);
 
 impl Textures {
-    fn load(
+    /// The texture in the file that a key names, if the key is there.
+    pub(super) fn load(
         &mut self,
         key: &str,
         object: &mut Object,
@@ -53,6 +34,31 @@ impl Textures {
         let texture = Arc::new(texture);
         self.0.insert(path, texture.clone());
         Ok(Some(texture))
+    }
+
+    /// The same for a slot of a material, which is named where the texture cannot be read. Where that is no error, the
+    /// slot stays empty.
+    fn of_material(
+        &mut self,
+        key: &str,
+        material: &str,
+        object: &mut Object,
+        report: &mut Report,
+    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+        let whose = || format!("texture of the material `{}`", shorten(material));
+        let error = match self.load(key, object, report) {
+            Err(SceneError::Malformed { file, place, problem }) => {
+                SceneError::Malformed { file, place, problem: format!("{}: {problem}", whose()) }
+            }
+            other => return other,
+        };
+        match report.missing {
+            Missing::Refused => Err(error),
+            Missing::Noted => {
+                report.note(object.at(key), format!("{error}: the scalar value is used"));
+                Ok(None)
+            }
+        }
     }
 }
 
@@ -75,23 +81,14 @@ pub(super) fn read(
             row.set(&mut material, &place, &value).map_err(|e| report.error(e.path, e.problem))?;
         }
         if let Some(slot) = row.texture
-            && let Some(texture) = textures.load(row.scn_texture_key, &mut object, report)?
+            && let Some(texture) = textures.of_material(row.scn_texture_key, &material.name, &mut object, report)?
         {
             material.textures.push((slot, texture));
         }
     }
-    if let Some(texture) = textures.load(MASK_KEY, &mut object, report)? {
-        material.textures.push((TextureSlot::Mask, texture));
-    }
-    for key in NO_EFFECT_YET {
-        if let Some((place, json)) = object.take(key)
-            && json.as_f64() != Some(0.0)
-        {
-            report.note(place, "known, but it has no effect yet: ignored");
-        }
-    }
+    material.textures.sort_by_key(|(slot, _)| *slot);
     let rows = MATERIAL_PARAMS.iter().flat_map(|r| [r.scn_key, r.scn_texture_key]);
-    let known = rows.chain(NO_EFFECT_YET.iter().copied()).chain(["name", MASK_KEY]).filter(|k| !k.is_empty());
+    let known = rows.chain(["name"]).filter(|k| !k.is_empty());
     object.note_unknown(known, report);
     shine(path, &mut material, report);
     Ok(material)
@@ -118,9 +115,11 @@ fn shine(path: &str, material: &mut MaterialDesc, report: &mut Report) {
 /// The value of a parameter, moved into its range with a note where it lies outside.
 fn clamped(place: &str, json: &Json, ty: &Ty, report: &mut Report) -> Result<Value, SceneError> {
     match ty {
-        // Every list of numbers in the material table is a colour.
-        Ty::Nums { min, max, .. } => {
-            let xs = numbers::<3>(place, json, report)?;
+        Ty::Nums { len, min, max } => {
+            let xs = match len {
+                2 => numbers::<2>(place, json, report)?.to_vec(),
+                _ => numbers::<3>(place, json, report)?.to_vec(),
+            };
             let item = |(i, x): (usize, &f64)| clamp(&format!("{place}[{i}]"), *x, *min, *max, report);
             Ok(Value::List(xs.iter().enumerate().map(item).collect()))
         }

@@ -12,12 +12,15 @@
 //! - Faces without `usemtl` have the mesh's `default_material`, else the scene's material `default_material`, else a
 //!   white rough one. An unknown name means the scene's first material. `.mtl` files are not read.
 //! - Texture coordinates start at the bottom left; colour textures are decoded from sRGB, data textures are not.
+//! - `anisotropic_direction` of an entity replaces that of its material, on meshes too.
 //!
 //! `antialiasing_radius` belongs to the camera there; here the script's `aa` decides, so it becomes a [`Note`], as
 //! does everything else that cannot be honoured. An entity may have a `name`, which is an addition of Lumbre; entities
 //! without one are called after the stem of their mesh's file, or `sphere`, with `_2`, `_3` and so on where a name is
-//! taken.
+//! taken. The camera's `aperture`, `focus_distance`, `f_number`, `focal_length` and
+//! `sensor_height`, `lights` and `environment` are additions too: `scenes/README.md` describes them.
 
+mod light;
 mod material;
 mod reader;
 
@@ -31,10 +34,10 @@ use serde_json::Value as Json;
 use self::material::Textures;
 use self::reader::{Object, Report, kind, numbers, shorten};
 use super::obj::{Front, load_mesh};
-use super::read;
+use super::{Missing, read};
 use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
-    Transform,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, Optics, SceneDesc,
+    ShapeDesc, Transform,
 };
 use crate::scene::{Note, SceneError};
 use crate::value::suggest;
@@ -51,6 +54,20 @@ const DEFAULT_FOV_DEG: f64 = 45.0;
 /// The range of fields of view in degrees.
 const FOV_RANGE: [f64; 2] = [0.01, 179.0];
 
+/// The greatest length and f-number of a lens.
+const LENGTH_LIMIT: f64 = 1e6;
+const CAMERA_KEYS: [&str; 9] = [
+    "position",
+    "lookat",
+    "fov",
+    "antialiasing_radius",
+    "aperture",
+    "focus_distance",
+    "f_number",
+    "focal_length",
+    "sensor_height",
+];
+
 /// Whether the first bytes of a file look like a `.scn`.
 pub(super) fn sniff(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
@@ -58,9 +75,9 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 }
 
 /// Reads a `.scn` file and every mesh and texture that it names.
-pub(super) fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let bytes = read(path, MAX_SCN_BYTES)?;
-    let mut report = Report { file: path.to_owned(), notes: Vec::new() };
+    let mut report = Report { file: path.to_owned(), missing, notes: Vec::new() };
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let json: Json = serde_json::from_slice(text).map_err(|e| {
         let message = e.to_string();
@@ -109,8 +126,18 @@ fn scene(json: &Json, report: &mut Report) -> Result<SceneDesc, SceneError> {
     for (place, json) in root.list("entities", report)? {
         entities.read(&place, json, report)?;
     }
-    root.note_unknown(["resolution", "maxdepth", "camera", "materials", "entities"], report);
-    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list };
+    let mut names = Names::default();
+    let mut lights = Vec::new();
+    for (place, json) in root.list("lights", report)? {
+        lights.push(light::read(&place, json, &mut names, report)?);
+    }
+    let environment = match root.take("environment") {
+        Some((place, json)) => Some(light::environment(&place, json, &mut textures, report)?),
+        None => None,
+    };
+    let known = ["resolution", "maxdepth", "camera", "materials", "entities", "lights", "environment"];
+    root.note_unknown(known, report);
+    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list, lights, environment };
     Ok(desc.with_default_material(false))
 }
 
@@ -127,8 +154,9 @@ fn camera(place: &str, json: &Json, report: &mut Report) -> Result<CameraDesc, S
     let mut object = Object::new(place, json, report)?;
     let position = object.vec3("position", report)?.unwrap_or(Vec3::ZERO);
     let target = object.vec3("lookat", report)?.unwrap_or(Vec3::new(0.0, 0.0, 2.0));
-    let mut fov = DEFAULT_FOV_DEG;
+    let (mut fov, mut said_fov) = (DEFAULT_FOV_DEG, false);
     if let Some((at, degrees)) = object.number("fov", report)? {
+        said_fov = true;
         fov = degrees.clamp(FOV_RANGE[0], FOV_RANGE[1]);
         if fov != degrees {
             report.note(at, format!("{degrees} is no field of view in degrees: {fov} is used"));
@@ -137,20 +165,72 @@ fn camera(place: &str, json: &Json, report: &mut Report) -> Result<CameraDesc, S
     if let Some((at, _)) = object.take("antialiasing_radius") {
         report.note(at, "the script's `aa` decides the pixel filter: ignored");
     }
-    object.note_unknown(["position", "lookat", "fov", "antialiasing_radius"], report);
+    let mut length = |key: &str| match object.number(key, report)? {
+        None => Ok(None),
+        Some((_, x)) if x > 0.0 && x <= LENGTH_LIMIT => Ok(Some(x as f32)),
+        Some((at, x)) => Err(report.error(at, format!("expected a positive number up to {LENGTH_LIMIT:e}, found {x}"))),
+    };
+    let focus_distance = length("focus_distance")?;
+    let optics = Optics {
+        f_number: length("f_number")?,
+        focal_length: length("focal_length")?,
+        sensor_height: length("sensor_height")?,
+    };
+    let aperture = match object.number("aperture", report)? {
+        None => 0.0,
+        Some((at, _)) if optics.f_number.is_some() => {
+            return Err(report.error(at, "the lens has either a diameter or an `f_number`, not both"));
+        }
+        Some((_, x)) if (0.0..=LENGTH_LIMIT).contains(&x) => x as f32,
+        Some((at, x)) => return Err(report.error(at, format!("expected a diameter of 0 or more, found {x}"))),
+    };
+    if said_fov && optics.focal_length.is_some() && optics.sensor_height.is_some() {
+        return Err(
+            report.error(object.at("fov"), "`sensor_height` and `focal_length` decide it: leave one of the three out")
+        );
+    }
+    object.note_unknown(CAMERA_KEYS.iter().copied(), report);
     if position == target {
         return Err(report.error(place, "`position` and `lookat` are the same point: the camera looks nowhere"));
     }
-    Ok(CameraDesc { position, target, up: Vec3::Y, fov_deg: fov as f32, aperture: 0.0, focus_distance: None })
+    let camera = CameraDesc { position, target, up: Vec3::Y, fov_deg: fov as f32, aperture, focus_distance, optics };
+    if camera.lacks_focal_length() {
+        let help = "it says nothing without a `focal_length`, or a `sensor_height`, from which it follows";
+        return Err(report.error(object.at("f_number"), help));
+    }
+    Ok(camera)
+}
+
+/// Names that are taken.
+#[derive(Default)]
+struct Names {
+    taken: BTreeSet<String>,
+    /// How often each stem has been numbered, so that naming stays fast.
+    numbered: BTreeMap<String, usize>,
+}
+
+impl Names {
+    /// The given name, or the stem where none is given; with the first free number from 2 on where it is taken.
+    fn give(&mut self, given: Option<&str>, stem: &str, place: &str, report: &mut Report) -> String {
+        let stem = given.unwrap_or(stem);
+        let mut name = stem.to_owned();
+        let number = self.numbered.entry(stem.to_owned()).or_insert(1);
+        while !self.taken.insert(name.clone()) {
+            *number += 1;
+            name = format!("{stem}_{number}");
+        }
+        if given.is_some_and(|g| g != name) {
+            report.note(format!("{place}.name"), format!("taken: it is called `{}`", shorten(&name)));
+        }
+        name
+    }
 }
 
 /// The entities read so far, and the meshes that they share.
 #[derive(Default)]
 struct Entities {
     list: Vec<EntityDesc>,
-    names: BTreeSet<String>,
-    /// How often each stem has been numbered, so that naming stays fast.
-    numbered: BTreeMap<String, usize>,
+    names: Names,
     /// By file and default material.
     meshes: BTreeMap<(PathBuf, String), Arc<MeshDesc>>,
 }
@@ -183,11 +263,13 @@ impl Entities {
         };
         let material = object.string("material", report)?.map(|(_, name)| name.to_owned());
         let given = object.string("name", report)?.map(|(_, name)| name.to_owned());
+        let anisotropic_direction = object.vec3("anisotropic_direction", report)?;
         let (entity, stem) = match what {
             "mesh" => {
                 let mesh = self.mesh(place, &mut object, report)?;
                 let stem = mesh.file.file_stem().map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
-                (EntityDesc { name: String::new(), transform, material, shape: ShapeDesc::Mesh(mesh) }, stem)
+                let shape = ShapeDesc::Mesh(mesh);
+                (EntityDesc { name: String::new(), transform, material, anisotropic_direction, shape }, stem)
             }
             "sphere" => {
                 let radius = sphere_radius(place, &mut object, report)?;
@@ -197,7 +279,8 @@ impl Entities {
                 let transform = Transform { translate: transform.translate, ..Transform::default() };
                 let material = Some(material.unwrap_or_else(|| DEFAULT_MATERIAL.to_owned()));
                 let shape = ShapeDesc::Sphere { radius };
-                (EntityDesc { name: String::new(), transform, material, shape }, "sphere".to_owned())
+                let name = String::new();
+                (EntityDesc { name, transform, material, anisotropic_direction, shape }, "sphere".to_owned())
             }
             other => {
                 let help = match suggest::nearest(other, ENTITY_TYPES) {
@@ -207,13 +290,8 @@ impl Entities {
                 return Err(report.error(at, format!("unknown type of entity `{}` ({help})", shorten(other))));
             }
         };
-        for (key, why) in [
-            ("inverted_normal", "it never had an effect in the program that it was written for either: ignored"),
-            ("anisotropic_direction", "known, but it has no effect yet: ignored"),
-        ] {
-            if let Some((at, _)) = object.take(key) {
-                report.note(at, why);
-            }
+        if let Some((at, _)) = object.take("inverted_normal") {
+            report.note(at, "it never had an effect in the program that it was written for either: ignored");
         }
         let misplaced: &[&str] = if what == "mesh" { &["radius"] } else { &["file", "default_material"] };
         for key in misplaced {
@@ -222,10 +300,7 @@ impl Entities {
             }
         }
         object.note_unknown(ENTITY_KEYS.iter().copied(), report);
-        let name = self.unique(given.as_deref().unwrap_or(&stem));
-        if given.is_some_and(|g| g != name) {
-            report.note(format!("{place}.name"), format!("taken: the entity is called `{}`", shorten(&name)));
-        }
+        let name = self.names.give(given.as_deref(), &stem, place, report);
         self.list.push(EntityDesc { name, ..entity });
         Ok(())
     }
@@ -244,17 +319,6 @@ impl Entities {
         let mesh = Arc::new(mesh.map_err(|e| report.named_at(&at, e))?);
         self.meshes.insert(key, mesh.clone());
         Ok(mesh)
-    }
-
-    /// The stem itself, or with the first free number from 2 on.
-    fn unique(&mut self, stem: &str) -> String {
-        let mut name = stem.to_owned();
-        let number = self.numbered.entry(stem.to_owned()).or_insert(1);
-        while !self.names.insert(name.clone()) {
-            *number += 1;
-            name = format!("{stem}_{number}");
-        }
-        name
     }
 }
 

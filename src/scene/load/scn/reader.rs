@@ -7,6 +7,7 @@ use glam::Vec3;
 use serde_json::Value as Json;
 
 use crate::scene::desc::MAX_COORDINATE;
+use crate::scene::load::Missing;
 use crate::scene::{Note, SceneError};
 use crate::value::suggest;
 
@@ -14,6 +15,8 @@ use crate::value::suggest;
 pub(super) struct Report {
     /// The `.scn` file.
     pub file: PathBuf,
+    /// What becomes of textures that cannot be read.
+    pub missing: Missing,
     /// What could not be honoured so far.
     pub notes: Vec<Note>,
 }

@@ -1,0 +1,143 @@
+//! FLIP: how much two pictures seem to differ when one looks back and forth between them on a display
+//! [Andersson et al. 2020], and the same for radiance, over all exposures that show something [Andersson et al. 2021].
+//!
+//! Both are implemented from the papers and equal the authors' program within single precision.
+
+mod difference;
+mod exposure;
+mod filters;
+
+use std::collections::BTreeMap;
+
+use super::map::{Colours, PixelMap};
+use super::tonemap::srgb_light;
+use super::{Better, MetricRow, MetricSpec, ON};
+use crate::film::Image;
+use crate::value::Value;
+use crate::value::schema::{Field, Table, Ty};
+use exposure::{Exposures, ToneMapper};
+
+/// How finely a display is seen.
+const PPD: Field = Field {
+    key: "ppd",
+    ty: Ty::Num { min: 1.0, max: 1000.0 },
+    required: false,
+    default: "67.0206",
+    doc: "pixels per degree of visual angle; the default is 3840 pixels over 0.7 m seen from 0.7 m",
+};
+
+/// The row of `flip`.
+pub const ROW: MetricRow = MetricRow {
+    name: "flip",
+    label: "FLIP",
+    long_name: "perceived difference on a display",
+    unit: "",
+    doc: "Mean FLIP of what an sRGB display shows [Andersson et al. 2020], equal to the authors' program. Without a tone \
+          map, radiance clamped to 0..1 is what the display emits.",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table { name: "FlipOptions", doc: "Options of `flip`.", fields: &[PPD, ON] },
+    smallest: |_| 1,
+    eval: |image, reference, spec| mean(&ldr(image, reference, spec)),
+    map: Some(PixelMap { eval: ldr, colours: Colours::Magma, top: Some(1.0) }),
+    settle: None,
+};
+
+/// The row of `hdr_flip`.
+pub const HDR_ROW: MetricRow = MetricRow {
+    name: "hdr_flip",
+    label: "HDR-FLIP",
+    long_name: "perceived difference over exposures",
+    unit: "",
+    doc: "Mean over pixels of the largest FLIP over a range of exposures [Andersson et al. 2021], equal to the authors' \
+          program. Exposures that are not given follow from the reference.",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table {
+        name: "HdrFlipOptions",
+        doc: "Options of `hdr_flip`, which takes linear radiance and maps it itself.",
+        fields: &[
+            PPD,
+            Field {
+                key: "tonemapper",
+                ty: Ty::Word(exposure::NAMES),
+                required: false,
+                default: "aces",
+                doc: "what turns exposed radiance into display values",
+            },
+            Field {
+                key: "start",
+                ty: Ty::OrAuto(&Ty::Num { min: -100.0, max: 100.0 }),
+                required: false,
+                default: "auto",
+                doc: "first exposure in stops; `auto` shows the reference's brightest pixel at 0.85",
+            },
+            Field {
+                key: "stop",
+                ty: Ty::OrAuto(&Ty::Num { min: -100.0, max: 100.0 }),
+                required: false,
+                default: "auto",
+                doc: "last exposure in stops; `auto` shows the reference's median luminance at 0.85",
+            },
+            Field {
+                key: "exposures",
+                ty: Ty::OrAuto(&Ty::Int { min: 2, max: 64 }),
+                required: false,
+                default: "auto",
+                doc: "how many exposures, evenly spaced; `auto` is one for every stop, at least 2",
+            },
+        ],
+    },
+    smallest: |_| 1,
+    eval: |image, reference, spec| mean(&hdr(image, reference, spec)),
+    map: Some(PixelMap { eval: hdr, colours: Colours::Magma, top: Some(1.0) }),
+    settle: Some(|reference, spec| {
+        let Exposures { start, stop, count } = exposures(reference, spec);
+        BTreeMap::from([
+            ("start".to_owned(), Value::number(start)),
+            ("stop".to_owned(), Value::number(stop)),
+            ("exposures".to_owned(), Value::Int(count as i64)),
+        ])
+    }),
+};
+
+fn mean(values: &[f32]) -> f64 {
+    values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
+}
+
+/// FLIP of every pixel. Behind a tone map, values are sRGB display values; without one, they are light.
+fn ldr(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
+    let ppd = spec.number(PPD.key);
+    if spec.tonemap().is_some() {
+        difference::difference(image, reference, ppd, &|p| p.map(srgb_light))
+    } else {
+        difference::difference(image, reference, ppd, &|p| p.map(|x| x.clamp(0.0, 1.0)))
+    }
+}
+
+fn exposures(reference: &Image, spec: &MetricSpec) -> Exposures {
+    let given = |key: &str| spec.option(key).and_then(|v| v.as_f64());
+    let count = spec.option("exposures").and_then(|v| v.as_i64()).and_then(|n| usize::try_from(n).ok());
+    Exposures::new(reference, tone_mapper(spec), [given("start"), given("stop")], count)
+}
+
+fn tone_mapper(spec: &MetricSpec) -> ToneMapper {
+    let name = spec.option("tonemapper");
+    ToneMapper::named(name.as_ref().and_then(Value::as_str).unwrap_or_default())
+}
+
+/// HDR-FLIP of every pixel.
+fn hdr(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
+    let (ppd, tone) = (spec.number(PPD.key), tone_mapper(spec));
+    let mut worst = vec![0.0f32; image.data.len()];
+    for scale in exposures(reference, spec).scales() {
+        let now = difference::difference(image, reference, ppd, &|p| tone.apply(p.map(|x| x * scale)));
+        for (worst, now) in worst.iter_mut().zip(now) {
+            // `max` would lose a NaN.
+            if now.is_nan() || now > *worst {
+                *worst = now;
+            }
+        }
+    }
+    worst
+}

@@ -1,0 +1,126 @@
+//! Tangents for normal maps and anisotropy.
+
+use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+use glam::Vec4;
+
+use super::CompiledScene;
+
+/// Gives tangents to the triangles from `first` on, which are one mesh, if a material of theirs needs any.
+///
+/// Without texture coordinates no direction is that of growing u: the tangents are zero then, and shading takes an
+/// arbitrary frame.
+pub(super) fn add(scene: &mut CompiledScene, first: usize, has_uvs: bool) {
+    let uses = scene.attributes[first..].iter().any(|a| scene.materials[a.material as usize].uses_tangents());
+    if uses || !scene.tangents.is_empty() {
+        scene.tangents.resize(scene.triangles.len(), [Vec4::ZERO; 3]);
+    }
+    if uses && has_uvs {
+        // Infallible: its error type has no values.
+        let _ = generate_tangents(&mut Mesh { scene, first });
+    }
+}
+
+/// The triangles of one mesh as the crate reads them.
+struct Mesh<'a> {
+    scene: &'a mut CompiledScene,
+    first: usize,
+}
+
+impl Geometry for Mesh<'_> {
+    fn num_faces(&self) -> usize {
+        self.scene.triangles.len() - self.first
+    }
+
+    fn num_vertices_of_face(&self, _face: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, vert: usize) -> [f32; 3] {
+        self.scene.triangles[self.first + face][vert].to_array()
+    }
+
+    fn normal(&self, face: usize, vert: usize) -> [f32; 3] {
+        self.scene.attributes[self.first + face].normals[vert].to_array()
+    }
+
+    fn tex_coord(&self, face: usize, vert: usize) -> [f32; 2] {
+        self.scene.attributes[self.first + face].uvs[vert].to_array()
+    }
+
+    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, vert: usize) {
+        self.scene.tangents[self.first + face][vert] =
+            tangent.map_or(Vec4::ZERO, |t| Vec4::from_array(t.tangent_encoded()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+    use std::sync::Arc;
+
+    use glam::{Vec2, Vec3, Vec4};
+
+    use crate::scene::compile;
+    use crate::scene::desc::{
+        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    };
+
+    fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
+        let mut mesh = MeshDesc {
+            file: PathBuf::from("quad.obj"),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y],
+            normals: vec![],
+            uvs,
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            slots: vec!["m".to_owned()],
+            triangle_slot: vec![0, 0],
+            content_hash: [0; 32],
+        };
+        mesh.content_hash = mesh_hash(&mesh);
+        SceneDesc {
+            resolution: [4, 4],
+            max_depth: 2,
+            camera: CameraDesc {
+                position: Vec3::Z,
+                target: Vec3::ZERO,
+                up: Vec3::Y,
+                fov_deg: 40.0,
+                aperture: 0.0,
+                focus_distance: None,
+                optics: Optics::default(),
+            },
+            materials: vec![MaterialDesc { anisotropic, ..MaterialDesc::new("m") }],
+            entities: vec![EntityDesc {
+                name: "quad".to_owned(),
+                transform: Transform::default(),
+                material: None,
+                anisotropic_direction: None,
+                shape: ShapeDesc::Mesh(Arc::new(mesh)),
+            }],
+            lights: vec![],
+            environment: None,
+        }
+    }
+
+    #[test]
+    fn tangents_follow_growing_u_and_their_sign_growing_v() {
+        let straight = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        let turned = vec![Vec2::ZERO, Vec2::Y, Vec2::ONE, Vec2::X];
+        for (uvs, expected) in [(straight, Vec4::new(1.0, 0.0, 0.0, 1.0)), (turned, Vec4::new(0.0, 1.0, 0.0, -1.0))] {
+            let (compiled, _) = compile(&scene(uvs, 0.5)).unwrap();
+            for t in compiled.tangents.as_flattened() {
+                assert!((*t - expected).length() < 1e-6, "{t} instead of {expected}");
+            }
+            assert_eq!(compiled.tangents.len(), 2);
+        }
+    }
+
+    #[test]
+    fn none_are_made_where_nothing_needs_them_and_zeros_where_nothing_says_them() {
+        let uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        assert!(compile(&scene(uvs, 0.0)).unwrap().0.tangents.is_empty());
+        let (compiled, _) = compile(&scene(vec![], 0.5)).unwrap();
+        assert!(compiled.tangents.as_flattened().iter().all(|t| *t == Vec4::ZERO));
+        assert_eq!(compiled.tangents.len(), 2);
+    }
+}

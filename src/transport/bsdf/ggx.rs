@@ -1,0 +1,108 @@
+//! The anisotropic GGX distribution of microfacet normals with Smith's separable masking and shadowing.
+//!
+//! Directions are on the upper side: `z > 0`.
+
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+use glam::Vec3;
+
+/// The least alpha: the same bound as the program of the first document and Mitsuba have.
+pub const MIN_ALPHA: f32 = 0.001;
+
+/// A GGX surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ggx {
+    /// Roughness along the tangent and the bitangent.
+    pub alpha: [f32; 2],
+}
+
+impl Ggx {
+    /// From perceptual roughness and anisotropy: alpha = roughness^2, stretched by the aspect sqrt(1 - 0.9 anisotropic)
+    /// [Burley 2012].
+    #[inline]
+    pub fn new(roughness: f32, anisotropic: f32) -> Ggx {
+        let alpha = roughness * roughness;
+        let aspect = (1.0 - 0.9 * anisotropic).sqrt();
+        Ggx { alpha: [(alpha / aspect).max(MIN_ALPHA), (alpha * aspect).max(MIN_ALPHA)] }
+    }
+
+    /// Density D of microfacet normals per solid angle and area of the macroscopic surface [Walter et al. 2007].
+    #[inline]
+    pub fn d(&self, h: Vec3) -> f32 {
+        let [ax, ay] = self.alpha;
+        let (x, y) = (h.x / ax, h.y / ay);
+        let s = x * x + y * y + h.z * h.z;
+        FRAC_1_PI / (ax * ay * s * s)
+    }
+
+    /// Smith's masking over the cosine, `G1(w) / z` [Heitz 2014], in a form that stays finite.
+    #[inline]
+    pub fn masking_over_cos(&self, w: Vec3) -> f32 {
+        let (x, y) = (self.alpha[0] * w.x, self.alpha[1] * w.y);
+        2.0 / (w.z + (w.z * w.z + x * x + y * y).sqrt())
+    }
+
+    /// Density with which [`Ggx::sample`] finds the normal `h`, over `wo . h`: the Jacobian of a reflection cancels it.
+    #[inline]
+    pub fn pdf_over_dot(&self, wo: Vec3, h: Vec3) -> f32 {
+        self.masking_over_cos(wo) * self.d(h)
+    }
+
+    /// A microfacet normal with the density of those visible from `wo` [Heitz 2018], by spherical caps [Dupuy &
+    /// Benyoub 2023].
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        let [ax, ay] = self.alpha;
+        let w = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize_or(Vec3::Z);
+        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let h = Vec3::new(r * cos, r * sin, z) + w;
+        Vec3::new(ax * h.x, ay * h.y, h.z.max(0.0)).normalize_or(Vec3::Z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::{pcg4d, unit};
+    use crate::math::warp::uniform_sphere;
+
+    /// Integral over the upper hemisphere by uniform samples.
+    fn hemisphere(n: u32, f: impl Fn(Vec3) -> f32) -> f64 {
+        let sum: f64 = (0..n)
+            .map(|i| {
+                let u = pcg4d([i, 3, 5, 7]).map(unit);
+                let mut w = uniform_sphere([u[0], u[1]]);
+                w.z = w.z.abs();
+                f64::from(f(w))
+            })
+            .sum();
+        sum * std::f64::consts::TAU / f64::from(n)
+    }
+
+    #[test]
+    fn microfacets_cover_the_surface_once_and_visible_ones_the_projected_surface() {
+        for (roughness, anisotropic) in [(1.0, 0.0), (0.7, 0.0), (0.8, 0.8)] {
+            let ggx = Ggx::new(roughness, anisotropic);
+            let area = hemisphere(400_000, |h| ggx.d(h) * h.z);
+            assert!((area - 1.0).abs() < 0.02, "{roughness} {anisotropic}: {area}");
+            for wo in [Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.3, 0.9, 0.3).normalize_or(Vec3::Z)] {
+                let seen = hemisphere(400_000, |h| ggx.pdf_over_dot(wo, h) * wo.dot(h).max(0.0));
+                assert!((seen - 1.0).abs() < 0.02, "{roughness} {anisotropic} {wo}: {seen}");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_are_unit_normals_that_face_the_viewer() {
+        for roughness in [0.001, 0.1, 1.0] {
+            for i in 0..2000 {
+                let u = pcg4d([i, 1, 2, 9]).map(unit);
+                let wo = uniform_sphere([u[0] * 0.5, u[1]]);
+                let h = Ggx::new(roughness, 0.5).sample(wo, [u[2], u[3]]);
+                assert!((h.length() - 1.0).abs() < 1e-5 && h.z >= 0.0 && wo.dot(h) > -1e-4, "{wo} {h}");
+            }
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Backward path tracing with next event estimation: at every vertex where the BSDF has a density the path is also
+//! connected to a sampled point of a light. Light that the path then meets by itself counts with its share.
+
+use glam::Vec3;
+
+use super::{Context, IntegratorRow, Settings, settings};
+use crate::scene::compile::NONE;
+use crate::transport::MAX_SURVIVAL;
+use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::contribution::Contribution;
+use crate::transport::light::{DirectSample, SELECT_FIELD};
+use crate::transport::mis;
+use crate::transport::sampler::Sampler;
+use crate::transport::surface::{Overhang, Surface};
+use crate::transport::vertex;
+use crate::value::schema::Table;
+
+/// The row of this integrator.
+pub const ROW: IntegratorRow = IntegratorRow {
+    name: "nee",
+    long_name: "backward path tracing with next event estimation",
+    revision: 1,
+    doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
+          meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
+          where no connection could find it: seen directly or after a specular event.",
+    params: Table {
+        name: "NeeParams",
+        doc: "Parameters of `nee`.",
+        fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
+    },
+    sample,
+};
+
+/// The event that sent a path on its way, as far as light sampling could have done the same.
+#[derive(Clone, Copy)]
+struct Last {
+    from: Vec3,
+    pdf_w: f32,
+}
+
+/// The weight of light that a path met by chance, given the density per solid angle with which light sampling finds it.
+#[inline]
+fn weight_of_hit(settings: &Settings, last: Option<Last>, pdf_w: impl FnOnce(Vec3) -> f32) -> f32 {
+    match (last, settings.mis) {
+        (None, _) => 1.0,
+        (Some(_), None) => 0.0,
+        (Some(last), Some(h)) => h.weight(last.pdf_w, pdf_w(last.from)),
+    }
+}
+
+fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+    let Context { scene, lights, settings, .. } = *context;
+    let mut ray = context.camera.sample_ray(pixel, sampler);
+    let mut throughput = Vec3::ONE;
+    // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
+    let mut eta_scale = 1.0f32;
+    let mut last = None;
+    let mut over: Option<Overhang> = None;
+    for depth in 1..=context.max_depth {
+        let mut found = |radiance: Vec3, s: u32, weight: f32| {
+            if radiance != Vec3::ZERO {
+                let unweighted = throughput * radiance;
+                sink(Contribution { pixel, value: unweighted * weight, unweighted, s, t: depth + 1 - s });
+            }
+        };
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            let radiance = lights.environment(ray.dir);
+            if radiance != Vec3::ZERO {
+                let pdf_w = |_| {
+                    if settings.all_lights {
+                        lights.pdf_environment_one_w(ray.dir)
+                    } else {
+                        lights.pdf_environment_w(ray.dir)
+                    }
+                };
+                found(radiance, 0, weight_of_hit(settings, last, pdf_w));
+            }
+            break;
+        };
+        let surface = Surface::at(scene, &ray, &hit);
+        if over.is_some_and(|o| !o.reaches(surface.position)) {
+            break;
+        }
+        let wo = -ray.dir;
+        let emitted = surface.emitted(&scene.textures, wo);
+        if emitted != Vec3::ZERO {
+            let pdf_w = |from| {
+                let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
+                if settings.all_lights {
+                    lights.pdf_direct_one_w(scene, from, i, at, n)
+                } else {
+                    lights.pdf_direct_w(scene, from, i, at, n)
+                }
+            };
+            found(emitted, 0, weight_of_hit(settings, last, pdf_w));
+        }
+        if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
+            break;
+        }
+        let bsdf = Bsdf::new(&surface, &scene.textures);
+        if bsdf.has_density() {
+            let mut join = |surface: &Surface, direct: Option<DirectSample>| {
+                if let Some(direct) = direct
+                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, wo, &direct)
+                {
+                    let unweighted = throughput * radiance;
+                    sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1 });
+                }
+            };
+            for surface in std::iter::once(surface).chain(surface.raised()) {
+                let from = surface.position;
+                if settings.all_lights {
+                    for light in lights.each() {
+                        join(&surface, lights.sample_direct_from(scene, light, from, sampler.next_2d()));
+                    }
+                } else {
+                    let choice = sampler.next_1d();
+                    join(&surface, lights.sample_direct(scene, from, choice, sampler.next_2d()));
+                }
+            }
+        }
+        let choice = sampler.next_1d();
+        let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
+        throughput *= s.weight;
+        eta_scale *= s.eta * s.eta;
+        over = surface.overhang_into(s.wi);
+        let from = over.map_or(surface.position, |o| o.crest);
+        last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
+        if context.rr_start.is_some_and(|start| depth >= start) {
+            let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
+            if sampler.next_1d() >= survival {
+                break;
+            }
+            throughput /= survival;
+        }
+        if throughput == Vec3::ZERO {
+            break;
+        }
+        ray = surface.spawn(s.wi);
+    }
+}
+
+/// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
+fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
+    let value = bsdf.evaluate(wo, direct.wi, Mode::Radiance);
+    let radiance = value.f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
+    let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
+    if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
+        return None;
+    }
+    let lit = if direct.distance.is_finite() {
+        let light = direct.point;
+        vertex::visible(context.trace, surface.position, surface.n_geometric, light.position, light.normal)
+    } else {
+        vertex::unobstructed(context.trace, surface.position, surface.n_geometric, direct.wi)
+    };
+    lit.then(|| {
+        let weight = match context.settings.mis {
+            Some(h) if !direct.delta => h.weight(direct.pdf_w, value.pdf_w),
+            _ => 1.0,
+        };
+        (radiance, weight)
+    })
+}

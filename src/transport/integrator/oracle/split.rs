@@ -1,0 +1,122 @@
+//! The fast weights of all strategies of one path: the path is split at every edge, and both sides are built up as if
+//! they had been traced.
+
+use glam::{Vec2, Vec3};
+
+use super::Path;
+use crate::scene::compile::NONE;
+use crate::transport::bsdf::Mode;
+use crate::transport::integrator::Context;
+use crate::transport::integrator::bdpt::subpath::{Edge, Vertex};
+use crate::transport::integrator::bdpt::weights::{
+    LightEnd, others_of_ends, others_of_hit, others_of_lens, others_of_next_event, others_of_seen,
+};
+use crate::transport::light::LightId;
+use crate::transport::mis::Heuristic;
+
+/// The weights of the strategies `s = 0 ..= k` as `bdpt` computes them where it finds the path so.
+pub fn fast_weights(context: &Context, h: Heuristic, path: &Path) -> Vec<f64> {
+    (0..=path.depth()).map(|s| others(context, h, path, s).map_or(0.0, |others| 1.0 / (1.0 + others))).collect()
+}
+
+/// The terms of all other strategies over that of `s`; `None` where it cannot find the path.
+fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64> {
+    let k = path.depth();
+    if s >= 1 && (path.is_dirac(s - 1) || path.is_dirac(s)) {
+        return None;
+    }
+    let seen_pdf_w = context.camera.pdf_w(-path.dirs[k - 1]);
+    if s == k && seen_pdf_w <= 0.0 || path.light_is_dirac() && (s == 0 || k == 1) {
+        return None;
+    }
+    let end = |next: Vec3, n: Vec3| LightEnd::new(context, &path.light, path.dirs[0], next, n);
+    let (camera, edge) = camera_side(context, h, path, s.max(1))?;
+    let light = light_side(context, h, path, s);
+    Some(match (s, light, camera) {
+        (0, _, _) => {
+            let chain = match path.light.light {
+                LightId::Environment => edge.chain(h, 1.0)?,
+                _ => edge.meet(context, h, path.light.position, path.light.normal)?.0,
+            };
+            others_of_hit(h, &chain, &end(edge.from, edge.origin.normal()), k as u32 + 1)
+        }
+        (1, _, None) => others_of_seen(h, &end(path.lens, Vec3::ZERO), seen_pdf_w),
+        (1, _, Some(z)) => {
+            let at_z = z.bsdf.evaluate(z.wo, -path.dirs[0], Mode::Radiance);
+            others_of_next_event(h, &z, &end(z.position, z.n_geometric), &at_z)
+        }
+        (_, Some(y), Some(z)) => {
+            let at_y = y.bsdf.evaluate(y.wo, path.dirs[s - 1], Mode::Importance);
+            let at_z = z.bsdf.evaluate(z.wo, -path.dirs[s - 1], Mode::Radiance);
+            // Between the points, as all strategies measure the edge; the traced direction starts off the surface.
+            let edge = y.position - z.position;
+            let distance2 = edge.length_squared();
+            others_of_ends(h, [&y, &z], [&at_y, &at_z], edge / distance2.sqrt(), distance2)
+        }
+        (_, Some(y), None) => {
+            let at_y = y.bsdf.evaluate(y.wo, path.dirs[k - 1], Mode::Importance);
+            others_of_lens(h, &y, path.lens, &at_y, seen_pdf_w)
+        }
+        (_, None, _) => return None,
+    })
+}
+
+/// The last vertex of the light subpath `x_0 .. x_(s-1)`, if it is a surface.
+fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<Vertex> {
+    let mut edge = Edge::from_light(path.light, path.dirs[0]);
+    let mut last = None;
+    for i in 1..s {
+        let v = vertex(context, h, path, i, &edge, -path.dirs[i - 1], |eta| 1.0 / eta)?;
+        edge = v.onward(h, Mode::Importance, path.dirs[i], v.bsdf.pdf_w(v.wo, path.dirs[i]));
+        last = Some(v);
+    }
+    last
+}
+
+/// The last vertex of the camera subpath `x_k .. x_last`, if it is a surface, and the edge behind it; `None` where rounding
+/// leaves a vertex without a density.
+fn camera_side(context: &Context, h: Heuristic, path: &Path, last: usize) -> Option<(Option<Vertex>, Edge)> {
+    let k = path.depth();
+    let mut edge = Edge::from_lens(context, path.lens, -path.dirs[k - 1]);
+    let mut end = None;
+    for i in (last..k).rev() {
+        let v = vertex(context, h, path, i, &edge, path.dirs[i], |eta| eta)?;
+        let wi = -path.dirs[i - 1];
+        edge = v.onward(h, Mode::Radiance, wi, v.bsdf.pdf_w(v.wo, wi));
+        end = Some(v);
+    }
+    Some((end, edge))
+}
+
+/// The vertex `x_i` where an edge meets it; `crossed` turns the path's index ratio into the subpath's.
+fn vertex(
+    context: &Context,
+    h: Heuristic,
+    path: &Path,
+    i: usize,
+    edge: &Edge,
+    wo: Vec3,
+    crossed: impl Fn(f32) -> f32,
+) -> Option<Vertex> {
+    let at = &path.surfaces[i - 1];
+    let (chain, back) = edge.meet(context, h, at.position, at.n_geometric)?;
+    Some(Vertex {
+        position: at.position,
+        n_geometric: at.n_geometric,
+        n_shading: at.n_shading,
+        wo,
+        previous: edge.from,
+        n_previous: edge.origin.normal(),
+        back,
+        bsdf: at.bsdf,
+        connectible: at.dirac.is_none(),
+        overhang: None,
+        emitter: NONE,
+        uv: Vec2::ZERO,
+        emitted: Vec3::ZERO,
+        throughput: Vec3::ONE,
+        chain,
+        delta: at.dirac.is_some(),
+        eta: at.dirac.map_or(1.0, crossed),
+    })
+}

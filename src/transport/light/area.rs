@@ -1,0 +1,87 @@
+//! Emissive primitives: points uniform over their exact area, and what they emit there.
+
+use glam::{Vec2, Vec3};
+
+use super::{DirectSample, LightId, LightPoint};
+use crate::math::warp;
+use crate::scene::CompiledScene;
+use crate::scene::compile::{Material, Sphere};
+use crate::transport::surface::{coverage, lookup, sphere_uv};
+
+/// The sphere that emitter `i` is, if it is one.
+#[inline]
+pub(super) fn sphere(scene: &CompiledScene, i: u32) -> Option<&Sphere> {
+    (scene.emitters[i as usize].primitive as usize).checked_sub(scene.triangles.len()).map(|s| &scene.spheres[s])
+}
+
+/// A point uniform over the area of emitter `i`: its density is one over the area.
+#[inline]
+pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
+    let light = LightId::Emitter(i);
+    let p = scene.emitters[i as usize].primitive as usize;
+    match scene.triangles.get(p) {
+        Some([a, b, c]) => {
+            let [v, w] = warp::uniform_triangle(u);
+            let u = 1.0 - v - w;
+            let [ta, tb, tc] = scene.attributes[p].uvs;
+            LightPoint {
+                light,
+                position: *a * u + *b * v + *c * w,
+                normal: (*b - *a).cross(*c - *a).normalize_or_zero(),
+                uv: ta * u + tb * v + tc * w,
+            }
+        }
+        None => {
+            let sphere = &scene.spheres[p - scene.triangles.len()];
+            let normal = warp::uniform_sphere(u);
+            LightPoint { light, position: sphere.center + normal * sphere.radius, normal, uv: sphere_uv(normal) }
+        }
+    }
+}
+
+/// Density per area with which [`sample`] finds any point of emitter `i`.
+#[inline]
+pub(super) fn pdf_a(scene: &CompiledScene, i: u32) -> f32 {
+    1.0 / scene.emitters[i as usize].area
+}
+
+/// Light that arrives at `from` from a point uniform over the area; `None` behind it. The choice is not included.
+#[inline]
+pub(super) fn sample_direct(scene: &CompiledScene, i: u32, from: Vec3, u: [f32; 2]) -> Option<DirectSample> {
+    let point = sample(scene, i, u);
+    let to = point.position - from;
+    let distance = to.length();
+    let pdf_w = density(to, distance, point.normal, scene.emitters[i as usize].area);
+    (pdf_w > 0.0).then(|| {
+        let radiance = emission(scene, i, point.uv);
+        DirectSample { wi: to / distance, distance, radiance, pdf_w, delta: false, point }
+    })
+}
+
+/// Density per solid angle at `from` of a point uniform over the area; zero behind it.
+#[inline]
+pub(super) fn pdf_direct_w(scene: &CompiledScene, i: u32, from: Vec3, at: Vec3, normal: Vec3) -> f32 {
+    let to = at - from;
+    density(to, to.length(), normal, scene.emitters[i as usize].area)
+}
+
+/// Density per solid angle of a point that is uniform over `area`, seen along `to`; zero from behind, and where it leaves
+/// the range of numbers.
+#[inline]
+fn density(to: Vec3, distance: f32, normal: Vec3, area: f32) -> f32 {
+    let pdf_w = distance * distance * distance / (-to.dot(normal) * area);
+    if pdf_w > 0.0 && pdf_w.is_finite() { pdf_w } else { 0.0 }
+}
+
+/// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.
+#[inline]
+pub(super) fn emission(scene: &CompiledScene, i: u32, uv: Vec2) -> Vec3 {
+    let m = material(scene, i);
+    m.emission * coverage(&scene.textures, m, uv) * lookup(&scene.textures, m.emission_texture, uv, m.tiling)
+}
+
+/// The material of emitter `i`.
+#[inline]
+pub(super) fn material(scene: &CompiledScene, i: u32) -> &Material {
+    &scene.materials[scene.material_of(scene.emitters[i as usize].primitive) as usize]
+}

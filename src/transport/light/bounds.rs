@@ -1,0 +1,61 @@
+//! The ball around all surfaces: lights without a place start their paths on a disk that covers it.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::{LightId, LightPoint};
+use crate::math::{Frame, warp};
+use crate::scene::CompiledScene;
+
+/// Rounding must not leave a corner outside.
+const MARGIN: f32 = 1.0 + 1e-5;
+
+/// A ball that holds every surface of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ball {
+    pub center: Vec3,
+    pub radius: f32,
+}
+
+impl Ball {
+    /// The ball about the middle of the scene's box; radius zero without surfaces.
+    pub fn around(scene: &CompiledScene) -> Ball {
+        let corners = || scene.triangles.iter().flatten().map(|p| (*p, 0.0));
+        let balls = || corners().chain(scene.spheres.iter().map(|s| (s.center, s.radius)));
+        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (low, high) = balls().fold(start, |(low, high), (p, r)| (low.min(p - r), high.max(p + r)));
+        if !low.is_finite() || !high.is_finite() {
+            return Ball { center: Vec3::ZERO, radius: 0.0 };
+        }
+        let center = low + (high - low) * 0.5;
+        let radius = balls().map(|(p, r)| p.distance(center) + r).fold(0.0, f32::max);
+        Ball { center, radius: radius * MARGIN }
+    }
+
+    /// Area of a disk of the ball's radius.
+    pub fn disk_area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
+
+    /// Density per area of a point of the disk; zero without surfaces.
+    #[inline]
+    pub fn pdf_a(&self) -> f32 {
+        if self.radius > 0.0 { 1.0 / self.disk_area() } else { 0.0 }
+    }
+
+    /// The point outside the ball that a light without a place has in direction `wi` from a point.
+    #[inline]
+    pub fn outside(&self, light: LightId, from: Vec3, wi: Vec3) -> LightPoint {
+        let distance = from.distance(self.center) + 2.0 * self.radius;
+        LightPoint { light, position: from + wi * distance, normal: -wi, uv: Vec2::ZERO }
+    }
+
+    /// A point uniform over the disk that touches the ball and whose normal `dir` looks at it.
+    #[inline]
+    pub fn on_disk(&self, light: LightId, dir: Vec3, u: [f32; 2]) -> LightPoint {
+        let d = warp::concentric_disk(u) * self.radius;
+        let position = self.center + Frame::from_normal(dir).to_world(Vec3::new(d.x, d.y, -self.radius));
+        LightPoint { light, position, normal: dir, uv: Vec2::ZERO }
+    }
+}

@@ -1,0 +1,88 @@
+//! Between two vertices of a path: the only place where densities change their measure, and where rays between two
+//! surfaces are made.
+
+use glam::Vec3;
+
+use super::ray::{Ray, Trace, offset_origin};
+
+/// What turns a density per solid angle at `from` into one per area at `to`, where the unit normal is `n_to`:
+/// `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero where the two coincide.
+#[inline]
+pub fn area_factor(from: Vec3, to: Vec3, n_to: Vec3) -> f32 {
+    let edge = to - from;
+    let d2 = edge.length_squared();
+    if d2 > 0.0 { edge.dot(n_to).abs() / (d2 * d2.sqrt()) } else { 0.0 }
+}
+
+/// Whether nothing lies between two points of surfaces.
+///
+/// Both ends are moved off their surfaces, each to the side of the other, so that neither surface hides the other's
+/// point from it. A point without a surface has the normal zero.
+#[inline]
+pub fn visible(trace: &dyn Trace, from: Vec3, n_from: Vec3, to: Vec3, n_to: Vec3) -> bool {
+    let edge = to - from;
+    let origin = offset_origin(from, towards(n_from, edge));
+    let target = offset_origin(to, towards(n_to, -edge));
+    let edge = target - origin;
+    let distance = edge.length();
+    if distance <= 0.0 {
+        return true;
+    }
+    !trace.occluded(&Ray { origin, dir: edge / distance }, distance)
+}
+
+/// A ray from a point of a surface into the unit direction `dir`, started off the surface on the side to which it goes.
+#[inline]
+pub fn leave(from: Vec3, n: Vec3, dir: Vec3) -> Ray {
+    Ray { origin: offset_origin(from, towards(n, dir)), dir }
+}
+
+/// Whether nothing lies in the unit direction `dir` from a point of a surface.
+#[inline]
+pub fn unobstructed(trace: &dyn Trace, from: Vec3, n_from: Vec3, dir: Vec3) -> bool {
+    !trace.occluded(&leave(from, n_from, dir), f32::INFINITY)
+}
+
+/// The normal on the side of `dir`.
+#[inline]
+fn towards(n: Vec3, dir: Vec3) -> Vec3 {
+    if n.dot(dir) < 0.0 { -n } else { n }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::ray::Hit;
+
+    /// The plane z = 0.
+    struct Plane;
+
+    impl Trace for Plane {
+        fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+            let t = -ray.origin.z / ray.dir.z;
+            (t > 0.0 && t < t_max).then_some(Hit { t, primitive: 0, uv: [0.0; 2] })
+        }
+
+        fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+            self.closest(ray, t_max).is_some()
+        }
+    }
+
+    #[test]
+    fn a_surface_does_not_hide_its_own_points_but_what_is_behind_it() {
+        let above = Vec3::new(3.0, -2.0, 5.0);
+        let on = Vec3::new(100.0, 50.0, 0.0);
+        assert!(visible(&Plane, above, Vec3::X, on, Vec3::Z));
+        assert!(visible(&Plane, on, -Vec3::Z, above, Vec3::ZERO));
+        assert!(!visible(&Plane, above, Vec3::X, -above, Vec3::X));
+        assert!(unobstructed(&Plane, on, -Vec3::Z, Vec3::new(0.6, 0.0, 0.8)));
+        assert!(!unobstructed(&Plane, above, Vec3::Z, -Vec3::Z));
+    }
+
+    #[test]
+    fn area_of_a_cap_seen_from_its_centre_and_from_an_angle() {
+        assert!((area_factor(Vec3::ZERO, Vec3::Z * 2.0, -Vec3::Z) - 0.25).abs() < 1e-7);
+        assert!((area_factor(Vec3::ZERO, Vec3::new(3.0, 0.0, 4.0), Vec3::Z) - 0.8 / 25.0).abs() < 1e-7);
+        assert_eq!(area_factor(Vec3::X, Vec3::X, Vec3::Z), 0.0);
+    }
+}

@@ -1,0 +1,174 @@
+//! All integrators render the same light from textures, from outside and from very many sources; and what `bpt` cannot
+//! find, points and directions, has the radiance that theory says.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{Material, Texture, UvMap};
+use lumbre::transport::integrator::integrator;
+use lumbre::value::Value;
+
+use crate::agreement::{EYE, Setting, Technique, agree, agree_with_bpt, params, room, technique};
+use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
+use crate::lights_density::sunny;
+
+/// `nee` and `bdpt` with every way of choosing a light.
+fn selecting() -> Vec<Technique> {
+    let select = |name: &str, word: &str| technique(name, &[("select", word.into())]);
+    let words = ["uniform", "area", "power"];
+    ["nee", "bdpt"].into_iter().flat_map(|name| words.map(|word| select(name, word))).collect()
+}
+
+fn agree_however_chosen(scene: &Arc<CompiledScene>, depth: u32, samples: u64) {
+    let setting = Setting { scene, depth, rr_start: None, samples, noise: 0.01 };
+    agree(setting, &technique("bpt", &[]), &selecting());
+}
+
+#[test]
+fn textured_emitters_with_a_mask() {
+    let mut builder = room(EYE);
+    let bright = Texture {
+        width: 4,
+        height: 2,
+        texels: (0..8).map(|i| [0.2 * i as f32, 0.9, if i == 5 { 20.0 } else { 0.0 }]).collect(),
+    };
+    let mask = Texture { width: 2, height: 2, texels: vec![[1.0; 3], [0.0; 3], [0.7; 3], [1.0; 3]] };
+    let (bright, mask) = (builder.texture(bright), builder.texture(mask));
+    let lamp = Material {
+        emission_texture: bright,
+        mask_texture: mask,
+        tiling: UvMap { scale: 1.6, offset: Vec2::new(0.3, -0.1) },
+        ..light(2.0)
+    };
+    let scene = builder
+        .quad(Vec3::new(-1.9, 0.3, 0.8), Vec3::Z * -1.8, Vec3::Y * 1.5, Material { emitter_reflects: true, ..lamp })
+        .sphere(Vec3::new(0.6, 0.6, 0.4), 0.4, lamp)
+        .build();
+    agree_however_chosen(&scene, 5, 1200);
+}
+
+#[test]
+fn many_lights() {
+    let mut builder = SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0).quad(
+        Vec3::new(-2.0, 0.0, 2.0),
+        Vec3::X * 4.0,
+        Vec3::Z * -4.0,
+        grey(0.7),
+    );
+    for i in 0..400u32 {
+        let (x, z) = (i % 20, i / 20);
+        let at = Vec3::new(x as f32 * 0.2 - 2.0, 1.5 + 0.02 * (i % 7) as f32, z as f32 * 0.2 - 2.0);
+        let size = 0.02 + 0.01 * (i % 9) as f32;
+        let corners = [at, at + Vec3::X * size, at + Vec3::Z * size];
+        builder = builder.triangle(corners, [Vec2::ZERO; 3], light(0.5 + (i % 13) as f32));
+    }
+    agree_however_chosen(&builder.build(), 4, 1200);
+}
+
+#[test]
+fn an_environment_with_a_sun() {
+    // The sun is large enough for `bpt` to find it.
+    let mut sky = sunny();
+    sky.texels[2 * 16 + 11] = [60.0, 50.0, 40.0];
+    let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
+    let mirror = Material { metallic: 1.0, base_color: Vec3::new(0.9, 0.8, 0.7), ..WHITE };
+    let scene = SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0)
+        .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.7))
+        .quad(Vec3::new(-2.0, 0.0, -1.5), Vec3::X * 4.0, Vec3::Y * 1.5, red)
+        .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.5, grey(0.5))
+        .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, mirror)
+        .sphere(Vec3::new(0.2, 1.2, 0.2), 0.1, light(9.0))
+        .environment(Some(sky), Vec3::splat(0.3), 120.0)
+        .build();
+    agree_however_chosen(&scene, 5, 2500);
+}
+
+#[test]
+fn a_constant_environment_through_glass() {
+    let glass = Material { opacity: 0.0, base_color: Vec3::new(0.9, 1.0, 0.9), ..WHITE };
+    let scene = SceneBuilder::new(EYE, Vec3::new(0.0, 0.5, 0.0), 50.0)
+        .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.7))
+        .sphere(Vec3::new(-0.3, 0.6, 0.2), 0.55, glass)
+        .environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0)
+        .build();
+    agree_with_bpt(&scene, 7, Some(3), 1200);
+}
+
+/// The radiance of the middle of a floor of albedo 0.6 at the origin, seen through a very long lens.
+fn floor(lit: impl FnOnce(SceneBuilder) -> SceneBuilder, params: &[(&str, Value)]) -> (f64, f64) {
+    let floor = SceneBuilder::new(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, 0.05).quad(
+        Vec3::new(-5.0, 0.0, 5.0),
+        Vec3::X * 10.0,
+        Vec3::Z * -10.0,
+        grey(0.6),
+    );
+    let mut j = job([4, 4], 3, 9);
+    (j.integrator, j.params) = (integrator("nee").unwrap(), self::params(params));
+    mean_and_error(&render(&lit(floor).build(), j, 4000), 1)
+}
+
+#[test]
+fn points_and_directions_light_a_floor_as_theory_says() {
+    let (place, way) = (Vec3::new(1.0, 1.5, -0.7), Vec3::new(0.4, -0.8, 0.1));
+    let point = |b: SceneBuilder| b.point(place, Vec3::new(1.0, 4.0, 9.0));
+    let direction = |b: SceneBuilder| b.directional(way, Vec3::new(1.0, 3.0, 9.0));
+    let albedo = 0.6 / std::f64::consts::PI;
+    let of_point = albedo * 4.0 * f64::from(place.y / place.length().powi(3));
+    let of_direction = albedo * 3.0 * f64::from(-way.y / way.length());
+    // One light: every sample says the same.
+    for mis in ["power", "balance", "none"] {
+        for (found, exact) in
+            [(floor(point, &[("mis", mis.into())]), of_point), (floor(direction, &[("mis", mis.into())]), of_direction)]
+        {
+            assert!((found.0 / exact - 1.0).abs() < 1e-3, "{mis}: {found:?} instead of {exact}");
+        }
+    }
+    // Both, and a sky, chosen in every way.
+    for select in ["uniform", "area", "power"] {
+        let all = |b: SceneBuilder| direction(point(b)).environment(None, Vec3::splat(0.5), 0.0);
+        let exact = of_point + of_direction + 0.6 * 0.5;
+        let (found, error) = floor(all, &[("select", select.into())]);
+        assert!(error < 0.02 * exact, "{select}: {error} of {exact}");
+        assert!((found - exact).abs() < 4.0 * error + 1e-3 * exact, "{select}: {found} +- {error}, not {exact}");
+    }
+    // In the shadow of a plate.
+    let corner = place * 0.5 - Vec3::new(0.1, 0.0, 0.1);
+    let hidden = |b: SceneBuilder| point(b).quad(corner, Vec3::X * 0.2, Vec3::Z * 0.2, grey(0.5));
+    assert!(floor(hidden, &[]).0 < 0.01 * of_point);
+}
+
+#[test]
+fn a_direction_and_a_point_agree_where_they_are_the_same() {
+    // A point so far away that its light is parallel.
+    let way = Vec3::new(0.4, -0.8, 0.1).try_normalize().unwrap();
+    let far = 1e5f32;
+    let near = |b: SceneBuilder| b.sphere(Vec3::new(0.3, 0.5, 0.0), 0.3, grey(0.4));
+    let sun = floor(|b| near(b.directional(way, Vec3::ONE)), &[]);
+    let star = floor(|b| near(b.point(-way * far, Vec3::splat(far * far))), &[]);
+    assert!((sun.0 / star.0 - 1.0).abs() < 1e-3 && sun.0 > 0.0, "{sun:?} {star:?}");
+}
+
+#[test]
+fn a_point_behind_glass_is_a_very_small_sphere() {
+    // The caustic of a ball on the floor, and nothing else in the picture: only paths from the light find it for the point,
+    // while the sphere is also met. Other tests have `bdpt` with spheres agree with `bpt`.
+    let glass = Material { opacity: 0.0, ..WHITE };
+    let (place, radius, intensity) = (Vec3::new(0.2, 2.5, 0.0), 0.04f32, 3.0);
+    let below = |lit: fn(SceneBuilder, Vec3, f32, f32) -> SceneBuilder| {
+        let floor = SceneBuilder::new(Vec3::new(1.5, 0.5, 1.5), Vec3::ZERO, 15.0)
+            .quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::Z * -6.0, grey(0.6))
+            .sphere(Vec3::Y, 0.3, glass);
+        let mut j = job([12, 12], 5, 4);
+        j.integrator = integrator("bdpt").unwrap();
+        mean_and_error(&render(&lit(floor, place, radius, intensity).build(), j, 12_000), 1)
+    };
+    let point = below(|b, place, _, intensity| b.point(place, Vec3::splat(intensity)));
+    let sphere = below(|b, place, radius, intensity| {
+        b.sphere(place, radius, light(intensity / (std::f32::consts::PI * radius * radius)))
+    });
+    let error = point.1.hypot(sphere.1);
+    assert!(error < 0.01 * sphere.0, "too noisy to tell: {point:?} {sphere:?}");
+    // The sphere's own width blurs the caustic a little.
+    assert!((point.0 - sphere.0).abs() < 4.0 * error + 0.01 * sphere.0, "{point:?} {sphere:?}");
+}

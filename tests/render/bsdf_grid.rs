@@ -1,0 +1,269 @@
+//! What the tests of the BSDF share: a grid of materials, directions from normal to grazing, and a partition of the
+//! sphere that resolves a lobe however narrow it is.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+use lumbre::math::Frame;
+use lumbre::math::rng::{pcg4d, unit};
+use lumbre::scene::compile::{Material, Model, NONE};
+use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::surface::Surface;
+
+use crate::common::WHITE;
+
+/// A normal along no axis.
+pub const NORMAL: Vec3 = Vec3::new(0.36, 0.48, 0.8);
+
+/// A direction of anisotropy that is not orthogonal to the normal.
+const TANGENT: Vec3 = Vec3::new(0.9, -0.2, 0.4);
+
+/// The Disney material with every parameter at its default, and a colour.
+pub const DISNEY: Material = Material { model: Model::Disney, base_color: Vec3::new(0.8, 0.5, 0.2), ..WHITE };
+
+/// Roughness from the narrowest lobe that is no Dirac to the widest.
+pub const ROUGHNESS: [f32; 4] = [0.01, 0.1, 0.5, 1.0];
+
+/// The point of a surface whose shading normal is the real one.
+pub fn surface(material: &Material) -> Surface<'_> {
+    Surface {
+        position: Vec3::ZERO,
+        n_geometric: NORMAL,
+        n_shading: NORMAL,
+        tangent: TANGENT,
+        uv: Default::default(),
+        material,
+        emitter: NONE,
+        overhang: None,
+    }
+}
+
+/// The BSDF there.
+pub fn bsdf(material: &Material) -> Bsdf {
+    Bsdf::new(&surface(material), &[])
+}
+
+/// A direction by its cosine with the normal and its azimuth.
+pub fn direction(cos: f32, azimuth: f32) -> Vec3 {
+    let r = (1.0 - cos * cos).sqrt();
+    Frame::from_normal(NORMAL).to_world(Vec3::new(r * azimuth.cos(), r * azimuth.sin(), cos))
+}
+
+/// Normal, oblique and grazing directions, from the front and from behind.
+pub fn outgoing() -> [Vec3; 5] {
+    [direction(1.0, 0.0), direction(0.6, 0.7), direction(0.06, 2.0), direction(-0.7, 4.0), direction(-0.15, 5.5)]
+}
+
+/// How the dielectric, refractive and metallic parts are mixed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mix {
+    Opaque,
+    Metal,
+    Glass,
+    All,
+}
+
+/// Every roughness with every addition to a mixture: plain, stretched, coated by satin and gloss, cloth; and with an
+/// index below that of the outside.
+pub fn grid(mix: Mix) -> Vec<Material> {
+    let [metallic, opacity] = match mix {
+        Mix::Opaque => [0.0, 1.0],
+        Mix::Metal => [1.0, 1.0],
+        Mix::Glass => [0.0, 0.0],
+        Mix::All => [0.3, 0.5],
+    };
+    let mut all = Vec::new();
+    for roughness in ROUGHNESS {
+        let plain = Material { metallic, opacity, roughness, ..DISNEY };
+        all.push(plain);
+        all.push(Material { anisotropic: 1.0, ior: 2.5, ..plain });
+        all.push(Material { clearcoat: 1.0, clearcoat_gloss: 0.0, anisotropic: 0.6, ..plain });
+        all.push(Material { clearcoat: 1.0, clearcoat_gloss: 1.0, ior: 1.2, ..plain });
+        all.push(Material { subsurface: 0.7, sheen: 1.0, sheen_tint: 0.5, specular_tint: 0.8, ior: 0.7, ..plain });
+    }
+    all
+}
+
+/// The same for every mixture.
+pub fn grids() -> Vec<Material> {
+    [Mix::Opaque, Mix::Metal, Mix::Glass, Mix::All].into_iter().flat_map(grid).collect()
+}
+
+/// Four numbers in `[0, 1)` for a sample of a test.
+pub fn uniform(i: u32, test: u32) -> [f32; 4] {
+    pcg4d([i, test, 42, 43]).map(unit)
+}
+
+/// What a Dirac would sample on the side of `wo` and on the other one: the directions about which lobes are narrow.
+/// Under total reflection it is the grazing direction about which refraction fades.
+fn poles(material: &Material, wo: Vec3) -> [Vec3; 2] {
+    let frame = Frame::from_normal(NORMAL);
+    let o = frame.to_local(wo);
+    let eta = if o.z > 0.0 { material.ior } else { 1.0 / material.ior };
+    let cos2 = (1.0 - (1.0 - o.z * o.z) / (eta * eta)).max(0.0);
+    let refracted = Vec3::new(-o.x / eta, -o.y / eta, cos2.sqrt().copysign(-o.z)).normalize_or(Vec3::Z);
+    [Vec3::new(-o.x, -o.y, o.z), refracted].map(|w| frame.to_world(w))
+}
+
+/// The width that the narrowest lobe of a material has, as an alpha.
+pub fn narrowest(m: &Material) -> f64 {
+    let base = f64::from(m.roughness).powi(2) * (1.0 - 0.9 * f64::from(m.anisotropic)).sqrt();
+    let coat = if m.clearcoat > 0.0 { 0.1 - 0.099 * f64::from(m.clearcoat_gloss) } else { 1.0 };
+    base.min(coat).max(0.001)
+}
+
+/// The sphere cut into cells: each side of the surface into rings about the pole of its lobe.
+pub struct Sphere {
+    wo: Vec3,
+    sides: [Rings; 2],
+}
+
+impl Sphere {
+    /// The cells that resolve all lobes of a material seen from `wo`.
+    pub fn of(material: &Material, wo: Vec3) -> Sphere {
+        Sphere { wo, sides: poles(material, wo).map(|pole| Rings::about(pole, narrowest(material))) }
+    }
+
+    /// Number of cells.
+    pub fn cells(&self) -> usize {
+        self.sides[0].cells() + self.sides[1].cells()
+    }
+
+    fn side(&self, w: Vec3) -> usize {
+        usize::from(w.dot(NORMAL) * self.wo.dot(NORMAL) < 0.0)
+    }
+
+    /// The cell of a direction.
+    pub fn cell(&self, w: Vec3) -> usize {
+        let side = self.side(w);
+        side * self.sides[0].cells() + self.sides[side].cell(w)
+    }
+
+    /// The integral of a function over every cell.
+    pub fn integrate<const N: usize>(&self, f: impl Fn(Vec3) -> [f64; N]) -> Vec<[f64; N]> {
+        let half = |side: usize| self.sides[side].integrate(|w| if self.side(w) == side { f(w) } else { [0.0; N] });
+        [half(0), half(1)].concat()
+    }
+}
+
+/// The sphere cut into rings about a pole, narrow near it, and the rings into sectors.
+struct Rings {
+    frame: Frame,
+    /// Upper edges in `(1 - cos) / 2` of the angle to the pole; the first ring is a cap.
+    edges: Vec<f64>,
+}
+
+const SECTORS: usize = 16;
+
+impl Rings {
+    /// Rings that resolve a lobe of a width.
+    fn about(pole: Vec3, alpha: f64) -> Rings {
+        let first = (alpha * alpha / 16.0).min(1.0 / 64.0);
+        let count = (1.0 / first).log2().ceil().clamp(8.0, 24.0);
+        let edges = (0..=count as usize).map(|k| first.powf(1.0 - k as f64 / count)).collect();
+        Rings { frame: Frame::from_normal(pole), edges }
+    }
+
+    /// Number of cells.
+    fn cells(&self) -> usize {
+        self.edges.len() * SECTORS
+    }
+
+    /// The cell of a direction.
+    fn cell(&self, w: Vec3) -> usize {
+        let g = f64::from((w - self.frame.n).length_squared()) / 4.0;
+        let ring = self.edges.partition_point(|e| *e < g).min(self.edges.len() - 1);
+        let azimuth = f64::from(w.dot(self.frame.t).atan2(w.dot(self.frame.s))) / TAU;
+        ring * SECTORS + ((azimuth.rem_euclid(1.0) * SECTORS as f64) as usize).min(SECTORS - 1)
+    }
+
+    /// The integral of a function over every cell, per solid angle, by quadrature that refines itself.
+    fn integrate<const N: usize>(&self, f: impl Fn(Vec3) -> [f64; N]) -> Vec<[f64; N]> {
+        let (s, t, n) = (self.frame.s.as_dvec3(), self.frame.t.as_dvec3(), self.frame.n.as_dvec3());
+        // Within a ring the logarithm of g is the coordinate, within the cap g itself: d solid angle = 2 d phi d g.
+        let at = |cap: bool, x: f64, phi: f64| {
+            let (g, scale) = if cap { (x, 2.0) } else { (x.exp(), 2.0 * x.exp()) };
+            let r = 2.0 * (g * (1.0 - g)).max(0.0).sqrt();
+            let w: DVec3 = n * (1.0 - 2.0 * g) + (s * phi.cos() + t * phi.sin()) * r;
+            f(w.as_vec3()).map(|v| v * scale)
+        };
+        (0..self.cells())
+            .map(|cell| {
+                let (ring, sector) = (cell / SECTORS, (cell % SECTORS) as f64);
+                let cap = ring == 0;
+                let x = if cap { [0.0, self.edges[0]] } else { [self.edges[ring - 1].ln(), self.edges[ring].ln()] };
+                let phi = [sector, sector + 1.0].map(|k| k * TAU / SECTORS as f64);
+                let g = |x, phi| at(cap, x, phi);
+                // Wide rings are cut whatever they say at first: horizons cross them.
+                let forced = if self.edges[ring] > 0.02 { 3 } else { 0 };
+                refine(&g, x, phi, gauss(&g, x, phi), 6, forced)
+            })
+            .collect()
+    }
+}
+
+/// Three by three points of Gauss.
+fn gauss<const N: usize>(f: &impl Fn(f64, f64) -> [f64; N], x: [f64; 2], y: [f64; 2]) -> [f64; N] {
+    let points = [(-(0.6f64.sqrt()), 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.6f64.sqrt(), 5.0 / 18.0)];
+    let area = (x[1] - x[0]) * (y[1] - y[0]);
+    let mut sum = [0.0; N];
+    for (u, wu) in points {
+        for (v, wv) in points {
+            let value =
+                f(0.5 * (x[0] + x[1] + u * (x[1] - x[0])), 0.5 * (y[0] + y[1] + v * (y[1] - y[0]))).map(|a| a * area);
+            sum.iter_mut().zip(value).for_each(|(s, v)| *s += wu * wv * v);
+        }
+    }
+    sum
+}
+
+/// Cuts a rectangle into four until that changes nothing.
+fn refine<const N: usize>(
+    f: &impl Fn(f64, f64) -> [f64; N],
+    x: [f64; 2],
+    y: [f64; 2],
+    whole: [f64; N],
+    depth: u32,
+    forced: u32,
+) -> [f64; N] {
+    let (mx, my) = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]));
+    let parts =
+        [([x[0], mx], [y[0], my]), ([x[0], mx], [my, y[1]]), ([mx, x[1]], [y[0], my]), ([mx, x[1]], [my, y[1]])];
+    let values = parts.map(|(x, y)| gauss(f, x, y));
+    let sum: [f64; N] = std::array::from_fn(|k| values.iter().map(|v| v[k]).sum());
+    let settled = sum.iter().zip(whole).all(|(a, b)| (a - b).abs() <= 2e-3 * a.abs() + 4e-7);
+    if depth == 0 || (settled && forced == 0) {
+        return sum;
+    }
+    let values: Vec<[f64; N]> = parts
+        .into_iter()
+        .zip(values)
+        .map(|((x, y), v)| refine(f, x, y, v, depth - 1, forced.saturating_sub(1)))
+        .collect();
+    std::array::from_fn(|k| values.iter().map(|v| v[k]).sum())
+}
+
+/// Directional albedo of the lobes that have a density: the integral of the value and the cosine, for a light that
+/// comes from `wo`, so that refraction is not scaled.
+pub fn albedo(material: &Material, wo: Vec3) -> [f64; 3] {
+    let b = bsdf(material);
+    let cells = Sphere::of(material, wo)
+        .integrate(|wi| (b.eval(wo, wi, Mode::Importance) * wi.dot(NORMAL).abs()).as_dvec3().to_array());
+    std::array::from_fn(|k| cells.iter().map(|c| c[k]).sum())
+}
+
+#[test]
+fn rings_cover_the_sphere_once_and_know_their_cells() {
+    for alpha in [0.001, 0.1, 1.0] {
+        let rings = Rings::about(direction(0.3, 1.0), alpha);
+        let areas = rings.integrate(|_| [1.0]);
+        assert!((areas.iter().map(|a| a[0]).sum::<f64>() / (4.0 * PI) - 1.0).abs() < 1e-6);
+        let band = rings.integrate(|w| [f64::from(u8::from(w.z > 0.5))]);
+        assert!((band.iter().map(|a| a[0]).sum::<f64>() / PI - 1.0).abs() < 2e-3);
+        // Cells know their own directions: an indicator of one integrates to its area in it and nothing elsewhere.
+        let k = rings.cells() / 2 + 3;
+        let own = rings.integrate(|w| [f64::from(u8::from(rings.cell(w) == k))]);
+        assert!((own[k][0] / areas[k][0] - 1.0).abs() < 1e-3);
+        assert!(own.iter().enumerate().all(|(i, a)| i == k || a[0] < 1e-3 * areas[k][0]));
+    }
+}

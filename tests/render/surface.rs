@@ -1,0 +1,281 @@
+//! From a hit to the surface that is shaded: normal maps in MikkTSpace, and masks, against closed forms.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{Mat2, Vec2, Vec3, Vec4};
+use lumbre::film::Film;
+use lumbre::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
+use lumbre::scene::desc::{
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot,
+    Transform, mesh_hash, texture_hash,
+};
+use lumbre::scene::{CompiledScene, compile};
+use lumbre::transport::integrator::integrator;
+use lumbre::transport::ray::{Hit, Ray};
+use lumbre::transport::surface::Surface;
+
+use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
+
+/// A texture of one texel.
+fn texel(rgb: [f32; 3]) -> Arc<TextureDesc> {
+    let texels = Texels::RgbaF32(vec![[rgb[0], rgb[1], rgb[2], 1.0]]);
+    let content_hash = texture_hash(1, 1, &texels);
+    Arc::new(TextureDesc { file: PathBuf::from("n.exr"), width: 1, height: 1, texels, content_hash })
+}
+
+/// A normal map that says the same normal everywhere.
+fn normal_map(n: Vec3) -> Arc<TextureDesc> {
+    texel((n * 0.5 + 0.5).to_array())
+}
+
+/// The triangles of one mesh with a material.
+fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDesc) -> CompiledScene {
+    let triangles: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
+    let mut mesh = MeshDesc {
+        file: PathBuf::from("m.obj"),
+        positions: positions.to_vec(),
+        normals: normals.to_vec(),
+        uvs: uvs.to_vec(),
+        triangle_slot: vec![0; triangles.len()],
+        triangles,
+        slots: vec!["m".to_owned()],
+        content_hash: [0; 32],
+    };
+    mesh.content_hash = mesh_hash(&mesh);
+    let camera = CameraDesc {
+        position: Vec3::Z * 3.0,
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        fov_deg: 40.0,
+        aperture: 0.0,
+        focus_distance: None,
+        optics: Optics::default(),
+    };
+    let entity = EntityDesc {
+        name: "e".to_owned(),
+        transform: Transform::default(),
+        material: None,
+        anisotropic_direction: None,
+        shape: ShapeDesc::Mesh(Arc::new(mesh)),
+    };
+    let desc = SceneDesc {
+        resolution: [8, 8],
+        max_depth: 3,
+        camera,
+        materials: vec![MaterialDesc { name: "m".to_owned(), ..material }],
+        entities: vec![entity],
+        lights: vec![],
+        environment: None,
+    };
+    compile(&desc).unwrap().0
+}
+
+fn mapped(n: Vec3) -> MaterialDesc {
+    let mut m = MaterialDesc::new("m");
+    m.set_texture(TextureSlot::Normal, Some(normal_map(n)));
+    m
+}
+
+/// The surface at barycentric weights of a triangle, seen from `+z`.
+fn at(scene: &CompiledScene, primitive: u32, uv: [f32; 2]) -> Surface<'_> {
+    let ray = Ray { origin: Vec3::new(0.1, 0.1, 3.0), dir: Vec3::NEG_Z };
+    Surface::at(scene, &ray, &Hit { t: 3.0, primitive, uv })
+}
+
+const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+
+#[test]
+fn mapped_normals_follow_turned_stretched_and_mirrored_coordinates() {
+    let local = Vec3::new(0.48, 0.36, 0.8);
+    for degrees in [0.0f32, 30.0, 90.0, 135.0, 180.0, 260.0] {
+        for (mirror, stretch) in [(1.0f32, 1.0f32), (-1.0, 1.0), (1.0, 3.0), (-1.0, 0.5)] {
+            // The directions of growing u and v in the plane: turned, and v on the other side where mirrored.
+            let u = Mat2::from_angle(degrees.to_radians()) * Vec2::X;
+            let v = u.perp() * mirror;
+            let uvs = SQUARE.map(|p| Vec2::new(p.truncate().dot(u) * stretch, p.truncate().dot(v)));
+            let scene = mesh(&SQUARE, &[], &uvs, mapped(local));
+            let expected = (u * local.x + v * local.y).extend(local.z);
+            for primitive in [0, 1] {
+                let n = at(&scene, primitive, [0.2, 0.3]).n_shading;
+                assert!((n - expected).length() < 1e-5, "{degrees} {mirror} {stretch}: {n} instead of {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn on_smooth_normals_the_frame_is_interpolated_without_making_it_unit_again() {
+    let local = Vec3::new(-0.36, 0.48, 0.8);
+    let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let normals =
+        [[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8], [0.1, -0.5, 0.7]].map(|n| Vec3::from_array(n).normalize_or(Vec3::Z));
+    let scene = mesh(&corners, &normals, &[Vec2::ZERO, Vec2::X, Vec2::Y], mapped(local));
+    let weights = [0.2, 0.5, 0.3];
+    let mut expected = Vec3::ZERO;
+    for (n, w) in normals.into_iter().zip(weights) {
+        // The face's u direction in the tangent plane of the corner, and what completes it.
+        let t = (Vec3::X - n * n.x).normalize_or(Vec3::ZERO);
+        expected += (t * local.x + n.cross(t) * local.y + n * local.z) * w;
+    }
+    let n = at(&scene, 0, [weights[1], weights[2]]).n_shading;
+    assert!((n - expected.normalize_or(Vec3::Z)).length() < 1e-5, "{n} instead of {expected}");
+}
+
+#[test]
+fn a_flat_map_and_a_map_without_strength_are_no_map() {
+    let normals = [[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8], [0.1, -0.5, 0.7], [0.0, 0.2, 0.9]]
+        .map(|n| Vec3::from_array(n).normalize_or(Vec3::Z));
+    let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let plain = mesh(&SQUARE, &normals, &uvs, MaterialDesc::new("m"));
+    let flat = mesh(&SQUARE, &normals, &uvs, mapped(Vec3::Z));
+    let off = mesh(&SQUARE, &normals, &uvs, MaterialDesc { normal_strength: 0.0, ..mapped(Vec3::X) });
+    let mut grey = MaterialDesc::new("m");
+    let texels = Texels::Rgba8(vec![[128, 128, 255, 255]]);
+    let content_hash = texture_hash(1, 1, &texels);
+    let bytes = TextureDesc { file: PathBuf::from("n.png"), width: 1, height: 1, texels, content_hash };
+    grey.set_texture(TextureSlot::Normal, Some(Arc::new(bytes)));
+    let rounded = mesh(&SQUARE, &normals, &uvs, grey);
+    for primitive in [0, 1] {
+        for uv in [[0.0, 0.0], [0.2, 0.3], [0.5, 0.5], [0.1, 0.8]] {
+            let n = at(&plain, primitive, uv).n_shading;
+            assert!((at(&flat, primitive, uv).n_shading - n).length() < 1e-6);
+            assert_eq!(at(&off, primitive, uv).n_shading, n);
+            // Eight bits have no level for zero: 128 is 1 / 255 above it.
+            assert!((at(&rounded, primitive, uv).n_shading - n).length() < 1.5 / 255.0 * 2f32.sqrt());
+        }
+    }
+    assert_eq!(off.materials[0].normal_texture, NONE);
+}
+
+#[test]
+fn a_map_never_turns_a_normal_behind_its_triangle() {
+    let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    for local in [Vec3::NEG_Z, Vec3::new(0.8, 0.0, -0.6), Vec3::X, Vec3::new(-1.0, -1.0, -1.0)] {
+        let scene = mesh(&SQUARE, &[], &uvs, mapped(local));
+        let s = at(&scene, 0, [0.2, 0.3]);
+        assert!(s.n_shading.dot(s.n_geometric) > 0.0 && (s.n_shading.length() - 1.0).abs() < 1e-5, "{local}");
+    }
+}
+
+/// A lit floor seen from above, with a sheet of even coverage at `height`.
+fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
+    let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.0, 0.01), Vec3::ZERO, 30.0);
+    let mask = builder.texture(Texture { width: 1, height: 1, texels: vec![[value, 1.0, 1.0]] });
+    let sheet = Material { mask_texture: mask, mask_mode: mode, ..grey(0.0) };
+    builder
+        .quad(Vec3::new(-5.0, 0.0, 5.0), Vec3::X * 10.0, Vec3::Z * -10.0, grey(0.5))
+        .quad(Vec3::new(-1.0, 3.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, light(4.0))
+        .quad(Vec3::new(-9.0, height, 9.0), Vec3::X * 18.0, Vec3::Z * -18.0, sheet)
+        .build()
+}
+
+fn picture(scene: &Arc<CompiledScene>, name: &str, threads: usize, samples: u64) -> Film {
+    let mut j = job([12, 12], 2, 3);
+    (j.integrator, j.threads) = (integrator(name).unwrap(), threads);
+    render(scene, j, samples)
+}
+
+#[test]
+fn a_blended_sheet_lets_its_transmittance_through_for_camera_and_shadow_rays() {
+    let open = mean_and_error(&picture(&sheet(1.0, 0.0, MaskMode::Blend), "nee", 0, 2000), 0);
+    for name in ["nee", "bpt"] {
+        for (height, value, passes) in [
+            // Between camera and floor each path crosses the sheet twice: to the floor and on to the light.
+            (1.0, 0.3, 0.49),
+            // Above the camera only the shadow ray does.
+            (2.5, 0.3, 0.7),
+            (2.5, 0.0, 1.0),
+            (2.5, 1.0, 0.0),
+        ] {
+            let (mean, error) = mean_and_error(&picture(&sheet(height, value, MaskMode::Blend), name, 0, 2000), 0);
+            let expected = open.0 * passes;
+            let sigma = (error.powi(2) + (open.1 * passes).powi(2)).sqrt();
+            assert!(
+                (mean - expected).abs() <= 4.0 * sigma,
+                "{name} {height} {value}: {mean} is not {expected} +- {sigma}"
+            );
+            assert!(sigma < 0.02 * open.0, "{name}: too noisy to tell: {sigma}");
+        }
+    }
+}
+
+#[test]
+fn a_threshold_decides_once_and_for_all() {
+    let open = picture(&sheet(1.0, 0.0, MaskMode::Threshold), "nee", 0, 4);
+    let through = picture(&sheet(1.0, 0.499, MaskMode::Threshold), "nee", 0, 4);
+    assert_eq!(open.sum, through.sum);
+    assert!(open.sum.iter().any(|p| p[0] > 0.0));
+    assert!(picture(&sheet(1.0, 0.5, MaskMode::Threshold), "nee", 0, 4).sum.iter().all(|p| *p == [0.0; 3]));
+    let mut swept = Arc::unwrap_or_clone(sheet(1.0, 0.5, MaskMode::Threshold));
+    swept.materials.iter_mut().for_each(|m| m.mask_threshold = 0.6);
+    assert_eq!(picture(&Arc::new(swept), "nee", 0, 4).sum, open.sum);
+}
+
+#[test]
+fn holes_do_not_depend_on_threads() {
+    let scene = sheet(1.0, 0.4, MaskMode::Blend);
+    for name in ["bpt", "nee", "bdpt"] {
+        let [one, four] = [1, 4].map(|threads| picture(&scene, name, threads, 8));
+        assert_eq!(one, four, "{name}");
+    }
+}
+
+#[test]
+fn textures_of_every_role_are_looked_up_where_tiling_and_offset_say() {
+    let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    // Left half dark, right half bright; the texture is repeated twice and moved by a quarter.
+    let texels = Texels::RgbaF32(vec![[0.25, 0.25, 0.25, 1.0], [0.75, 0.75, 0.75, 1.0]]);
+    let content_hash = texture_hash(2, 1, &texels);
+    let desc = Arc::new(TextureDesc { file: PathBuf::from("t.exr"), width: 2, height: 1, texels, content_hash });
+    let mut m = MaterialDesc { tiling: 2.0, uv_offset: Vec2::new(0.25, 0.0), ..MaterialDesc::new("m") };
+    m.set_texture(TextureSlot::BaseColor, Some(desc));
+    m.base_color = Vec3::new(1.0, 0.5, 0.0);
+    let scene = mesh(&SQUARE, &[], &uvs, m);
+    assert_eq!(scene.materials[0].tiling, UvMap { scale: 2.0, offset: Vec2::new(0.25, 0.0) });
+    for (x, expected) in [(0.0, 0.25), (0.25, 0.75), (0.125, 0.5), (0.5, 0.25), (0.75, 0.75)] {
+        // On the first triangle's edge along x.
+        let found = at(&scene, 0, [x, 0.0]).base_color(&scene.textures);
+        assert!((found - Vec3::new(1.0, 0.5, 0.0) * expected).length() < 1e-6, "{x}: {found}");
+    }
+}
+
+#[test]
+fn a_texture_of_directions_turns_the_stretch_of_highlights() {
+    let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let mut m = MaterialDesc { anisotropic: 0.8, ..MaterialDesc::new("m") };
+    let along =
+        |m: &MaterialDesc| at(&mesh(&SQUARE, &[], &uvs, m.clone()), 0, [0.2, 0.3]).tangent.normalize_or(Vec3::ZERO);
+    assert!((along(&m) - Vec3::X).length() < 1e-6, "growing u where nothing is said");
+    m.anisotropic_direction = Vec3::Y;
+    assert!((along(&m) - Vec3::Y).length() < 1e-6, "the material's direction");
+    m.set_texture(TextureSlot::AnisotropicDirection, Some(texel([0.2, 0.9, 0.0])));
+    assert!((along(&m) - Vec3::new(-0.6, 0.8, 0.0)).length() < 1e-6, "the texture's direction");
+}
+
+#[test]
+fn bad_normals_tangents_and_coordinates_never_make_a_film_invalid() {
+    let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 40.0);
+    let map = builder.texture(Texture { width: 2, height: 1, texels: vec![[0.5, 0.5, 0.0], [0.5, 0.5, 0.5]] });
+    let m = Material { normal_texture: map, anisotropic: 1.0, anisotropic_texture: map, roughness: 0.2, ..WHITE };
+    let mut scene = Arc::unwrap_or_clone(
+        builder
+            .quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, m)
+            .quad(Vec3::new(-1.0, -1.0, 4.0), Vec3::Y * 2.0, Vec3::X * 2.0, light(1.0))
+            .build(),
+    );
+    // render() asserts that no sample was invalid.
+    for normals in [[Vec3::ZERO; 3], [Vec3::X, Vec3::NEG_X, Vec3::ZERO], [Vec3::NEG_Z; 3]] {
+        for tangent in [Vec4::ZERO, Vec4::new(0.0, 0.0, 1.0, 1.0), Vec4::new(1.0, 0.0, 0.0, -1.0)] {
+            for uv in [Vec2::ZERO, Vec2::splat(f32::NAN), Vec2::splat(f32::INFINITY), Vec2::splat(1e30)] {
+                for i in 0..2 {
+                    (scene.attributes[i].normals, scene.attributes[i].uvs) = (normals, [uv; 3]);
+                }
+                scene.tangents = vec![[tangent; 3]; scene.triangles.len()];
+                for name in ["bpt", "nee", "bdpt"] {
+                    picture(&Arc::new(scene.clone()), name, 0, 2);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Textures from files to slots: by `.scn`, by `.mtl`, by path, and what is not there.
+
+use glam::{Vec2, Vec3};
+use lumbre::scene::compile;
+use lumbre::scene::desc::{MATERIAL_PARAMS, MaterialDesc, SceneDesc, Texels, TextureSlot};
+use lumbre::scene::edit::set;
+use lumbre::scene::load::{Missing, load_with};
+use lumbre::value::Value;
+
+use super::{Folder, QUAD, lines};
+
+/// A folder with a texture of one texel, different for every slot, named after the slot.
+fn folder(files: &[(&str, &str)]) -> Folder {
+    let folder = Folder::new(files);
+    for (i, slot) in TextureSlot::ALL.into_iter().enumerate() {
+        let texel = image::Rgb([10 * i as u8 + 5, 100, 200]);
+        image::RgbImage::from_pixel(1, 1, texel).save(folder.path(&format!("{}.png", slot.name()))).unwrap();
+    }
+    folder
+}
+
+/// The red channel of the texture in a slot, as stored.
+fn stored(m: &MaterialDesc, slot: TextureSlot) -> Option<u8> {
+    m.texture(slot).map(|t| match &t.texels {
+        Texels::Rgba8(texels) => texels[0][0],
+        Texels::RgbaF32(_) => panic!("eight bits expected"),
+    })
+}
+
+fn assert_all_slots_are_filled(m: &MaterialDesc) {
+    for (i, slot) in TextureSlot::ALL.into_iter().enumerate() {
+        assert_eq!(stored(m, slot), Some(10 * i as u8 + 5), "{slot:?}");
+    }
+}
+
+#[test]
+fn every_slot_has_a_key_in_scn() {
+    let keys = MATERIAL_PARAMS.iter().filter_map(|row| Some((row.scn_texture_key, row.texture?)));
+    let texts: Vec<String> = keys.map(|(key, slot)| format!("\"{key}\": \"{}.png\"", slot.name())).collect();
+    let text = format!("{{ \"materials\": [ {{ \"name\": \"m\", {} }} ] }}", texts.join(", "));
+    let (desc, notes) = folder(&[("a.scn", &text)]).load("a.scn").unwrap();
+    assert!(notes.is_empty(), "{}", lines(&notes));
+    assert_all_slots_are_filled(&desc.materials[0]);
+}
+
+#[test]
+fn every_slot_can_be_set_by_path_and_emptied() {
+    let folder = folder(&[("a.scn", r#"{ "materials": [ { "name": "m" }, { "name": "n" } ] }"#)]);
+    let mut desc = folder.load("a.scn").unwrap().0;
+    let untouched = desc.clone();
+    let paths = TextureSlot::ALL.map(|slot| format!("materials.m.{}", slot.name()));
+    for (path, slot) in paths.iter().zip(TextureSlot::ALL) {
+        let file = folder.path(&format!("{}.png", slot.name()));
+        set(&mut desc, path, &Value::Str(file.to_string_lossy().into_owned())).unwrap();
+    }
+    assert_all_slots_are_filled(&desc.materials[0]);
+    assert!(desc.materials[1].textures.is_empty());
+    for path in &paths {
+        set(&mut desc, path, &"".into()).unwrap();
+    }
+    assert_eq!(desc, untouched);
+    let e = set(&mut desc, "materials.m.normal_texture", &"gone.png".into()).unwrap_err().to_string();
+    assert!(e.contains("materials.m.normal_texture") && e.contains("gone.png"), "{e}");
+    let e = set(&mut desc, "materials.m.normal_textur", &"gone.png".into()).unwrap_err().to_string();
+    assert!(e.contains("did you mean `normal_texture`?"), "{e}");
+    assert!(set(&mut desc, "materials.m.mask_texture", &Value::Int(1)).is_err());
+    assert_eq!(desc, untouched);
+}
+
+#[test]
+fn a_missing_texture_names_material_and_file_or_is_a_note() {
+    let text = r#"{ "materials": [ { "name": "oak", "roughness": 0.25, "roughnesstexture": "gone.png" } ],
+        "entities": [ { "type": "sphere", "radius": 1, "material": "oak" } ] }"#;
+    let folder = Folder::new(&[("a.scn", text)]);
+    let e = folder.load("a.scn").unwrap_err().to_string();
+    for part in ["a.scn: materials[0].roughnesstexture", "material `oak`", "gone.png"] {
+        assert!(e.contains(part), "{part} in {e}");
+    }
+    let (desc, notes) = load_with(&folder.path("a.scn"), Missing::Noted).unwrap();
+    let all = lines(&notes);
+    for part in ["materials[0].roughnesstexture: ", "material `oak`", "gone.png", "the scalar value is used"] {
+        assert!(all.contains(part), "{part} in {all}");
+    }
+    assert_eq!((desc.materials[0].roughness, desc.materials[0].textures.len()), (0.25, 0));
+    assert!(compile(&desc).is_ok());
+    // A damaged file is as bad as none; a mesh or an environment cannot be left out.
+    folder.write("gone.png", b"\x89PNG\r\n\x1a\n");
+    assert!(folder.load("a.scn").unwrap_err().to_string().contains("material `oak`"));
+    assert_eq!(load_with(&folder.path("a.scn"), Missing::Noted).unwrap().1.len(), 1);
+    for text in
+        [r#"{ "entities": [ { "type": "mesh", "file": "gone.obj" } ] }"#, r#"{ "environment": { "file": "g.hdr" } }"#]
+    {
+        folder.write("b.scn", text);
+        assert!(load_with(&folder.path("b.scn"), Missing::Noted).is_err(), "{text}");
+    }
+}
+
+fn obj(mtl: &str) -> Folder {
+    let text = format!("mtllib m.mtl\nusemtl a\n{QUAD}usemtl b\nf 1//1 2//1 3//1\n");
+    folder(&[("m.obj", &text), ("m.mtl", mtl)])
+}
+
+fn materials(mtl: &str) -> (SceneDesc, String) {
+    let (desc, notes) = obj(mtl).load("m.obj").unwrap();
+    (desc, lines(&notes))
+}
+
+#[test]
+fn mtl_materials_arrive_by_name() {
+    let (desc, notes) = materials(
+        "# two\nnewmtl b\nKd 0.1 0.2 0.3\nKe 5\nNi 1.33\nd 0.25\nPr 0.5\nPm 0.75\nPs 0.1\nPc 0.2\nPcr 0.25\naniso 0.3\nillum 2\n\
+         newmtl a\n\tKa 1 1 1\n\tKs 1 1 1\n\tNs 6\n\tillum 7\n\tmap_Kd -s 2 2 2 -o 0.5 0.25 base_color_texture.png\n\
+         \tmap_Ke emission_texture.png\nmap_d mask_texture.png\nmap_Pr roughness_texture.png\nmap_Pm metallic_texture.png\n\
+         norm normal_texture.png\n",
+    );
+    assert!(notes.is_empty(), "{notes}");
+    let [a, b] = &desc.materials[..] else { panic!("{:?}", desc.materials) };
+    assert_eq!((a.name.as_str(), b.name.as_str()), ("a", "b"));
+    assert_eq!((b.base_color, b.emission), (Vec3::new(0.1, 0.2, 0.3), Vec3::splat(5.0)));
+    assert_eq!((b.ior, b.opacity, b.roughness, b.metallic, b.sheen), (1.33, 0.25, 0.5, 0.75, 0.1));
+    assert_eq!((b.clearcoat, b.clearcoat_gloss, b.anisotropic), (0.2, 0.75, 0.3));
+    assert_eq!((a.opacity, a.tiling, a.uv_offset, a.emission), (0.0, 2.0, Vec2::new(0.5, 0.25), Vec3::ONE));
+    // An exponent of 6 is an alpha of one half.
+    assert!((a.roughness - 0.5f32.sqrt()).abs() < 1e-6, "{}", a.roughness);
+    assert!(a.emitter_reflects && b.emitter_reflects);
+    let filled = TextureSlot::ALL.into_iter().filter(|slot| a.texture(*slot).is_some()).count();
+    assert_eq!((filled, stored(a, TextureSlot::Normal), stored(a, TextureSlot::Mask)), (6, Some(75), Some(25)));
+    assert!(compile(&desc).is_ok());
+}
+
+#[test]
+fn what_an_mtl_cannot_say_is_noted_and_what_is_wrong_is_an_error() {
+    let (desc, notes) = materials(
+        "newmtl a\nbump -bm 0.5 h.png\nbump h.png\nNi 0\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
+    );
+    for part in [
+        "line 2: statements `bump` are not read",
+        "line 4: 0 is outside 0.01 to 100: 0.01 is used",
+        "line 5: 2 is outside 0 to 1",
+        "line 6: the option `-s`",
+        "line 6: the option `-clamp`",
+        "materials: nothing in this mesh shines",
+    ] {
+        assert!(notes.contains(part), "{part} in\n{notes}");
+    }
+    assert_eq!(notes.lines().count(), 6, "{notes}");
+    assert_eq!(desc.materials[0].base_color, Vec3::X);
+    assert_eq!(desc.materials[1], MaterialDesc::new("b"));
+    for (mtl, problem) in [
+        ("Kd 1 1 1\n", "line 1: `kd` before any `newmtl`"),
+        ("newmtl a\nKd 1 1\n", "line 2: expected 3 numbers"),
+        ("newmtl a\nNi nan\n", "line 2: NaN"),
+        ("newmtl a\nNs high\n", "line 2: `high` is no number"),
+        ("newmtl a\nmap_Kd\n", "line 2: a map needs a file"),
+        ("newmtl a\nmap_Kd gone.png\n", "line 2: texture of the material `a`: cannot read"),
+    ] {
+        let e = obj(mtl).load("m.obj").unwrap_err().to_string();
+        assert!(e.contains("m.mtl") && e.contains(problem), "{problem} in {e}");
+    }
+    let folder = obj("newmtl a\nKd 0.5 0.5 0.5\nmap_Kd gone.png\n");
+    let (desc, notes) = load_with(&folder.path("m.obj"), Missing::Noted).unwrap();
+    assert!(lines(&notes).contains("material `a`") && desc.materials[0].textures.is_empty());
+}
