@@ -57,7 +57,7 @@ impl Facts {
             ("device", self.device.clone()),
             ("program", PROGRAM.to_owned()),
         ];
-        pairs.into_iter().map(|(name, value)| (format!("lumbre.{name}"), value)).collect()
+        pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
 }
 
@@ -174,8 +174,8 @@ impl<'a> Recorder<'a> {
             let row = layer.film.layer.row();
             let name = layer.film.name();
             let mut metadata = metadata.to_vec();
-            metadata.push(("lumbre.film".to_owned(), name.clone()));
-            metadata.push(("lumbre.channels".to_owned(), row.channels.join(", ")));
+            metadata.push(("film".to_owned(), name.clone()));
+            metadata.push(("channels".to_owned(), row.channels.join(", ")));
             let linear = exr::encode(&layer.image, &metadata).map_err(failed)?;
             writer.write(&format!("{FILMS}/{name}.exr"), &linear).map_err(lost)?;
             let shown = layer::encode(layer, display, &metadata).map_err(failed)?;

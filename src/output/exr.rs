@@ -11,12 +11,9 @@ use exr::prelude::{
     Compression, Encoding, Image as ExrImage, Layer, LayerAttributes, LineOrder, SpecificChannels, WritableImage,
 };
 
-use super::{OutputError, check_shape};
+use super::{OutputError, PREFIX, check_shape};
 use crate::film::Image;
 use crate::scene::load::openexr;
-
-/// Prefix of our attributes' names, so that none can be mistaken for one of the format's own.
-const PREFIX: &str = "lumbre.";
 
 /// Most pixels that an image may have when it is read: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;

@@ -29,7 +29,7 @@ pub fn encode(layer: &LayerImage, display: Tonemap, meta: &[(String, String)]) -
     let bytes: Vec<u8> = shown.data.as_flattened().iter().map(|x| (x * 255.0).round() as u8).collect();
     let mut meta = meta.to_vec();
     if layer.film.layer.row().look == Look::Heat {
-        meta.push(("lumbre.scale".to_owned(), format!("0 to {}", greatest(&layer.image))));
+        meta.push(("scale".to_owned(), format!("0 to {}", greatest(&layer.image))));
     }
     png::encode_bytes([shown.width, shown.height], ::png::ColorType::Rgb, &bytes, &meta)
 }

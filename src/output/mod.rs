@@ -60,6 +60,9 @@ pub enum OutputError {
     },
 }
 
+/// Prefix of the names under which files carry our metadata, so that none is mistaken for one of a format's own.
+const PREFIX: &str = "lumbre.";
+
 /// Refuses images that no file format could hold.
 fn check_shape(image: &crate::film::Image) -> Result<(), OutputError> {
     let (width, height, pixels) = (image.width, image.height, image.data.len());

@@ -1,12 +1,12 @@
 //! PNG: the picture as a display shows it, 8 bits per channel, with metadata as text.
 
-use super::{OutputError, check_shape};
+use super::{OutputError, PREFIX, check_shape};
 use crate::film::Image;
 use crate::metrics::map::ErrorMap;
 use crate::metrics::tonemap::Tonemap;
 
 /// The bytes of an 8-bit RGB PNG of `image` behind `tonemap`, marked as sRGB, with every pair of `meta` as a text
-/// chunk (`tEXt`, or `iTXt` where the text is not Latin-1). A NaN becomes black.
+/// chunk `lumbre.<key>` (`tEXt`, or `iTXt` where the text is not Latin-1). A NaN becomes black.
 ///
 /// # Errors
 /// An image without pixels, a key that is no PNG keyword (1 to 79 Latin-1 letters), or a failure of the encoder.
@@ -46,9 +46,9 @@ pub(super) fn encode_bytes(
         // The encoder checks text only while it writes, so what `tEXt` cannot hold is told apart here.
         let latin = value.chars().all(|c| c != '\0' && u32::from(c) < 256);
         let chunk = if latin {
-            encoder.add_text_chunk(key.clone(), value.clone())
+            encoder.add_text_chunk(format!("{PREFIX}{key}"), value.clone())
         } else {
-            encoder.add_itxt_chunk(key.clone(), value.clone())
+            encoder.add_itxt_chunk(format!("{PREFIX}{key}"), value.clone())
         };
         chunk.map_err(fail)?;
     }
@@ -92,9 +92,9 @@ mod tests {
         reader.finish().unwrap();
         let info = reader.info();
         let latin: Vec<_> = info.uncompressed_latin1_text.iter().map(|t| (t.keyword.clone(), t.text.clone())).collect();
-        assert_eq!(latin, pairs(&[("run", "3f9a"), ("render_s", "1.25")]));
+        assert_eq!(latin, pairs(&[("lumbre.run", "3f9a"), ("lumbre.render_s", "1.25")]));
         let utf8 = &info.utf8_text[0];
-        assert_eq!((utf8.keyword.as_str(), utf8.get_text().unwrap().as_str()), ("note", "σ = 0.5"));
+        assert_eq!((utf8.keyword.as_str(), utf8.get_text().unwrap().as_str()), ("lumbre.note", "σ = 0.5"));
         assert!(info.srgb.is_some());
     }
 

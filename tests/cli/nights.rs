@@ -240,7 +240,7 @@ return x
     };
     let (whole, _) = read("final");
     let ((first, facts), (second, _)) = (read("films/depth-1"), read("films/depth-2"));
-    assert!(facts.contains(&("lumbre.film".to_owned(), "depth-1".to_owned())), "{facts:?}");
+    assert!(facts.contains(&("film".to_owned(), "depth-1".to_owned())), "{facts:?}");
     for ((a, b), sum) in first.data.iter().zip(&second.data).zip(&whole.data) {
         assert!((0..3).all(|c| (a[c] + b[c] - sum[c]).abs() <= 1e-5 * sum[c]));
     }
