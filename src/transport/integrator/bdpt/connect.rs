@@ -70,8 +70,12 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
     } else {
         vertex::unobstructed(context.trace, z.position, z.n_geometric, d.wi)
     };
-    lit.then(|| {
-        let end = LightEnd::new(context, &d.point, -d.wi, z.position, z.n_geometric);
+    if !lit {
+        return None;
+    }
+    let end = LightEnd::new(context, &d.point, -d.wi, z.position, z.n_geometric);
+    // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
+    (end.direct > 0.0).then(|| {
         let others = others_of_next_event(h, z, &end, &at_z);
         Connection { unweighted, others, point: Some(d.point), wi: d.wi }
     })
