@@ -16,7 +16,7 @@ use lumbre::value::Value;
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
 /// Side of the film and of a block in pixels.
-const SIDE: usize = 12;
+pub const SIDE: usize = 12;
 const BLOCK: usize = 4;
 
 /// The probability that all comparisons of one scene pass by chance alone is one minus this.

@@ -1,33 +1,76 @@
 //! Integrators agree on surfaces of the Disney model.
-//!
-//! Through rough glass `bdpt` with `mis = "none"` is left out. It lets connections through narrow lobes count as much as
-//! the strategies that find the same paths well, and their tails are so heavy that a z-test of them means nothing: at
-//! roughness 0.35 and 0.2, of the whole picture's red mean of 0.401, three runs of 900 samples found 0.384 to 0.392, with
-//! errors said to be 0.003, and one with a bright find 0.410; 36,000 samples found 0.411 +- 0.015. The densities of such
-//! paths are held by the oracle instead.
+
+use std::sync::Arc;
 
 use glam::Vec3;
+use lumbre::render::cpu::accel::Accel;
+use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::Material;
+use lumbre::transport::camera::{Camera, FilterSpec};
+use lumbre::transport::integrator::bdpt::{self, subpath::Subpaths};
+use lumbre::transport::integrator::{Context, Settings};
+use lumbre::transport::light::Lights;
+use lumbre::transport::sampler::Sampler;
 
-use crate::agreement::{EYE, Setting, agree, agree_with_bpt, room, technique, variants};
+use crate::agreement::{EYE, Params, SIDE, Setting, agree, agree_with_bpt, room, technique, variants};
 use crate::bsdf_grid::DISNEY;
 use crate::common::light;
 
 const LAMP: (Vec3, f32) = (Vec3::new(-0.3, 1.45, -0.4), 0.3);
 
-#[test]
-fn rough_glass() {
-    let frosted = Material { opacity: 0.0, roughness: 0.65, base_color: Vec3::new(0.9, 1.0, 0.9), ..DISNEY };
-    let clear = Material { opacity: 0.0, roughness: 0.5, ior: 1.3, base_color: Vec3::new(1.0, 0.8, 0.9), ..DISNEY };
-    let scene = room(EYE)
+/// Two balls of rough glass.
+fn glass(frosted: f32, clear: f32) -> Arc<CompiledScene> {
+    let frosted = Material { opacity: 0.0, roughness: frosted, base_color: Vec3::new(0.9, 1.0, 0.9), ..DISNEY };
+    let clear = Material { opacity: 0.0, roughness: clear, ior: 1.3, base_color: Vec3::new(1.0, 0.8, 0.9), ..DISNEY };
+    room(EYE)
         .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, frosted)
         .sphere(Vec3::new(0.6, 0.5, 0.3), 0.45, clear)
         .sphere(LAMP.0, LAMP.1, light(6.0))
-        .build();
+        .build()
+}
+
+/// All but `mis = "none"`. Without weights by density, connections through a narrow lobe are rarely found and then bring
+/// so much that a run says nothing of its own error. This is how the means of blocks over 40 to 120 runs of 900 samples
+/// scatter, in units of the error that each run says it has, and what the furthest one was:
+///
+/// | roughness | `bpt`, and the others by power and balance | `nee`, none | `bdpt`, none |
+/// |---|---|---|---|
+/// | 0.65, 0.5 | 0.96 .. 0.98, -3.8 | 0.98, -3.2; in one block 3.4 | 1.6, -11 |
+/// | 0.35, 0.2 | 0.94 .. 1.00, -3.4 | 2.0, -12 | 3.0, -25 |
+///
+/// The mean itself is right where it can be told: at roughness 0.65 and 0.5 the picture's red, by 150 runs, is 0.3906 +-
+/// 0.0008 (its median 0.388, its maximum 0.49) against 0.3905 +- 0.0001 of `bpt`. Where all of k + 1 strategies share alike,
+/// those that meet the lamp have found their part of every depth k from 2 to 6 to within 0.2 to 0.6 per cent at roughness 1
+/// and 0.9, and those that connect on the glass theirs of five edges to within 1 to 3. The weights of `mis = "none"` are
+/// compared with their definition path by path in `oracle`.
+#[test]
+fn rough_glass() {
     let mut weighted = variants();
-    weighted.retain(|(row, params)| row.name != "bdpt" || params.get("mis") != Some(&"none".into()));
-    let setting = Setting { scene: &scene, depth: 6, rr_start: None, samples: 900, noise: 0.01 };
-    agree(setting, &technique("bpt", &[]), &weighted);
+    weighted.retain(|(_, params)| params.get("mis") != Some(&"none".into()));
+    for (frosted, clear) in [(0.65, 0.5), (0.35, 0.2)] {
+        let scene = &glass(frosted, clear);
+        let setting = Setting { scene, depth: 6, rr_start: None, samples: 900, noise: 0.01 };
+        agree(setting, &technique("bpt", &[]), &weighted);
+    }
+}
+
+/// Light sampled at the rim of the spherical lamp, where rounding leaves its point on the hidden side: it had the weight
+/// 0 / 0. One sample in 10^8 does that.
+#[test]
+fn light_from_the_rim_of_a_sphere_has_a_weight() {
+    let scene = &glass(0.35, 0.2);
+    let (accel, lights) = (Accel::build(Arc::clone(scene)).unwrap(), Lights::new(scene));
+    let camera = &Camera::new(&scene.camera, [SIDE as u32; 2], FilterSpec::PIXEL);
+    let settings = &Settings::new(&Params::new());
+    let trace = &accel;
+    let context = Context { scene, camera, lights: &lights, trace, max_depth: 6, rr_start: None, settings };
+    let mut sampler = Sampler::new(3016, [7, 5], 15207);
+    let mut found = 0;
+    bdpt::each(&context, [7, 5], &mut sampler, &mut Subpaths::default(), &mut |f| {
+        assert!(f.weight.is_finite() && f.contribution.value.is_finite(), "{:?}", f.contribution);
+        found += 1;
+    });
+    assert!(found > 4);
 }
 
 #[test]
