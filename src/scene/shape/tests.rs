@@ -5,7 +5,7 @@ use super::*;
 /// Signed volume inside, from the divergence theorem: right only for a closed surface whose front is outside.
 fn volume(shape: &Shape) -> f64 {
     let corners = |t: &[u32; 3]| t.map(|c| shape.positions[c as usize].as_dvec3());
-    shape.triangles.iter().map(|t| corners(t)).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+    shape.triangles.iter().map(corners).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
 /// Every edge of a closed surface is there once in each direction, whatever vertices its corners are.
