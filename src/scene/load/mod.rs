@@ -8,7 +8,7 @@ mod obj;
 pub mod openexr;
 mod scn;
 
-pub(in crate::scene) use images::load as texture;
+pub use images::load as texture;
 
 use std::fs::File;
 use std::io::Read;

@@ -75,6 +75,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     let camera = framing_camera(&mesh.positions);
     let name = path.file_stem().map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
     let desc = SceneDesc {
+        views: Vec::new(),
         resolution: super::scn::DEFAULT_RESOLUTION,
         max_depth: super::scn::DEFAULT_MAX_DEPTH,
         camera,
