@@ -156,6 +156,12 @@ fn other_scenes_are_taken_in_with_their_materials() {
     let (c, _) = compile(&s).unwrap();
     let colors: Vec<Vec3> = c.attributes.iter().map(|a| c.materials[a.material as usize].base_color).collect();
     assert_eq!(colors, [Vec3::X, Vec3::Y]);
+    let own = folder("s:material(\"red\", { base_color = { 0, 0, 1 } })\ns:import(\"two.obj\")");
+    own.put("two.obj", "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n");
+    own.put("two.mtl", "newmtl red\nKd 1 0 0\n");
+    let s = read(&own, &[]).unwrap();
+    let names: Vec<&str> = s.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!((names, s.materials[1].base_color), (vec!["clay", "red"], Vec3::Z), "what is said here goes first");
     assert!(c.triangles.iter().flatten().all(|p| p.y >= 5.0));
     let whole = folder("s:import(\"two.obj\", { material = \"clay\" })");
     whole.put("two.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
@@ -232,5 +238,18 @@ fn every_scene_of_this_project_loads_and_compiles_without_a_note() {
         let (desc, notes) = scene::read(&file, &BTreeMap::new(), Missing::Refused).unwrap_or_else(|e| panic!("{e}"));
         let (_, more) = compile(&desc).unwrap();
         assert!(notes.is_empty() && more.is_empty(), "{}: {notes:?} {more:?}", file.display());
+    }
+}
+
+#[test]
+fn the_scene_in_the_documentation_is_one_that_works() {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/README.md")).unwrap();
+    let text = readme.split("```lua\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let f = Folder::new("");
+    f.put("scene.lua", text);
+    for light in ["lamp", "sky"] {
+        let desc = read(&f, &[("light", light.into())]).unwrap();
+        let (_, notes) = compile(&desc).unwrap();
+        assert!(notes.is_empty() && desc.views.len() == 2, "{notes:?}");
     }
 }

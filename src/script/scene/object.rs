@@ -193,7 +193,8 @@ pub const METHODS: &[ApiFn] = &[
             Param { name: "options?", ty: "Import", doc: "Names, materials and place." },
         ],
         returns: "",
-        doc: "Takes in the entities and materials of another scene file.",
+        doc: "Takes in the entities and materials of another scene file. A material that is declared before under the same \
+              name takes the place of the file's.",
         call: import,
     },
 ];
@@ -438,6 +439,7 @@ fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     let text = |key: &str| fields.values.get(key).and_then(Value::as_str);
     let prefix = text("prefix").unwrap_or_default();
     let mut builder = shared.scene.borrow_mut();
+    notes.retain(|note| note.message != load::DARK_MESH);
     builder.notes.append(&mut notes);
     if let Some(material) = text("material") {
         builder.wanted.entry(material.to_owned()).or_insert_with(|| args.place.clone());
@@ -474,8 +476,8 @@ fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     Ok(LuaValue::Nil)
 }
 
-/// Adds another scene's materials under names that are free, unless one of this scene's stands for all of them, and says
-/// what each is called now.
+/// Adds another scene's materials, and says what each is called now. What this scene has under the same name takes the
+/// place of the file's, and `instead` that of all.
 fn adopt_materials(
     builder: &mut SceneBuilder,
     materials: Vec<MaterialDesc>,
@@ -483,17 +485,15 @@ fn adopt_materials(
     instead: Option<&str>,
 ) -> BTreeMap<String, String> {
     let mut renamed = BTreeMap::new();
-    for mut material in materials {
+    for material in materials {
         if instead.is_some() {
             break;
         }
-        let old = material.name.clone();
-        let wanted = format!("{prefix}{old}");
-        let taken = |name: &str| builder.desc.material_row(name).is_some();
-        let numbered = (2..).map(|i| format!("{wanted}_{i}")).find(|name| !taken(name));
-        material.name = if taken(&wanted) { numbered.unwrap_or_default() } else { wanted };
-        renamed.insert(old, material.name.clone());
-        builder.desc.materials.push(material);
+        let name = format!("{prefix}{}", material.name);
+        renamed.insert(material.name.clone(), name.clone());
+        if builder.desc.material_row(&name).is_none() {
+            builder.desc.materials.push(MaterialDesc { name, ..material });
+        }
     }
     renamed
 }
