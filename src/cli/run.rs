@@ -10,7 +10,7 @@ use super::load::{self, decode, shown};
 use super::log::Log;
 use super::recorder::Recorder;
 use super::signals;
-use crate::experiment::event::History;
+use crate::experiment::event::{History, Level};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Control, NightSummary, Outcome, Plan, Sink, run};
 use crate::output::{plot, summary, table};
@@ -138,7 +138,11 @@ impl Watcher {
             log.hold();
             let leave = Box::new(|| std::process::exit(i32::from(Exit::Interrupted.code())));
             match tui::Dashboard::start(Arc::clone(control), leave) {
-                Ok(dashboard) => return Watcher::Dashboard(dashboard),
+                Ok(dashboard) => {
+                    let voice = dashboard.voice();
+                    log.listen(Box::new(move |level, text| voice.say(importance(level), text)));
+                    return Watcher::Dashboard(dashboard);
+                }
                 Err(e) => {
                     log.release();
                     tracing::warn!("no dashboard: {e}");
@@ -155,6 +159,15 @@ impl Watcher {
             Watcher::Dashboard(dashboard) => dashboard,
             Watcher::Lines(lines) => lines.as_mut(),
         }
+    }
+}
+
+/// How the night's own messages are graded.
+fn importance(level: tracing::Level) -> Level {
+    match level {
+        tracing::Level::ERROR => Level::Error,
+        tracing::Level::WARN => Level::Warn,
+        _ => Level::Info,
     }
 }
 

@@ -1,7 +1,7 @@
 //! What happens during a night, told to everyone who listens.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::plan::Plan;
 use crate::film::layer::LayerImage;
@@ -162,12 +162,35 @@ pub struct FinishedRun {
     pub rows: Vec<WaveRow>,
 }
 
-/// What the user and signals want, shared between threads.
+/// A limit at which the night pauses by itself, for someone who wants to look. It is no stop rule: those decide what a
+/// run is, and cannot change while it renders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PauseAt {
+    /// Samples per pixel of the current cell.
+    Samples(u64),
+    /// Seconds of render time of the current cell.
+    RenderS(f64),
+}
+
+impl PauseAt {
+    /// Whether a cell that is so far has reached it.
+    pub fn reached(self, samples: u64, render_s: f64) -> bool {
+        match self {
+            PauseAt::Samples(limit) => samples >= limit,
+            PauseAt::RenderS(limit) => render_s >= limit,
+        }
+    }
+}
+
+/// What the user and signals want, shared between threads. The night looks between waves.
 #[derive(Debug, Default)]
 pub struct Control {
     stop: AtomicU8,
+    after_cell: AtomicBool,
     paused: AtomicBool,
+    pause_at: Mutex<Option<PauseAt>>,
     skip: AtomicBool,
+    restart: AtomicBool,
 }
 
 impl Control {
@@ -181,14 +204,47 @@ impl Control {
         self.stop.load(Ordering::SeqCst) > 0
     }
 
+    /// Asks the night to end after the current cell, or takes that back, and says which.
+    pub fn toggle_stop_after_cell(&self) -> bool {
+        !self.after_cell.fetch_xor(true, Ordering::SeqCst)
+    }
+
+    /// Whether the night should end before it starts another cell.
+    pub fn stops_after_cell(&self) -> bool {
+        self.after_cell.load(Ordering::SeqCst)
+    }
+
     /// Switches pause on or off and says which.
     pub fn toggle_pause(&self) -> bool {
         !self.paused.fetch_xor(true, Ordering::SeqCst)
     }
 
+    /// Pauses, or goes on.
+    pub fn set_paused(&self, paused: bool) {
+        self.paused.store(paused, Ordering::SeqCst);
+    }
+
     /// Whether rendering should wait.
     pub fn paused(&self) -> bool {
         self.paused.load(Ordering::SeqCst)
+    }
+
+    /// Sets or removes the limit at which the night pauses by itself; it holds once.
+    pub fn set_pause_at(&self, limit: Option<PauseAt>) {
+        *self.pause_at.lock().unwrap_or_else(PoisonError::into_inner) = limit;
+    }
+
+    /// The limit at which the night pauses by itself.
+    pub fn pause_at(&self) -> Option<PauseAt> {
+        *self.pause_at.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Pauses if a cell that is so far has reached the limit, and says whether it did; the limit is then gone.
+    pub fn pause_if_reached(&self, samples: u64, render_s: f64) -> Option<PauseAt> {
+        let mut limit = self.pause_at.lock().unwrap_or_else(PoisonError::into_inner);
+        let reached = limit.take_if(|limit| limit.reached(samples, render_s))?;
+        self.set_paused(true);
+        Some(reached)
     }
 
     /// Asks the current cell to be given up.
@@ -199,5 +255,15 @@ impl Control {
     /// Takes the request to give up the current cell.
     pub fn take_skip(&self) -> bool {
         self.skip.swap(false, Ordering::SeqCst)
+    }
+
+    /// Asks the current cell to be rendered again from its first sample.
+    pub fn request_restart(&self) {
+        self.restart.store(true, Ordering::SeqCst);
+    }
+
+    /// Takes the request to render the current cell again.
+    pub fn take_restart(&self) -> bool {
+        self.restart.swap(false, Ordering::SeqCst)
     }
 }

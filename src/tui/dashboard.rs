@@ -21,6 +21,7 @@ use super::look::Look;
 use super::model::Model;
 use super::panes;
 use super::view::{Command, View};
+use crate::experiment::event::Level;
 use crate::experiment::{Control, Event, Sink, SinkError};
 
 /// Shortest time between two frames.
@@ -95,6 +96,11 @@ impl Dashboard {
         Ok(Dashboard { shared, start, thread: Some(thread) })
     }
 
+    /// What can put lines into the log pane, from any thread.
+    pub fn voice(&self) -> Voice {
+        Voice { shared: Arc::clone(&self.shared), start: self.start }
+    }
+
     /// Ends the thread and gives the terminal back.
     pub fn finish(mut self) {
         self.close();
@@ -107,6 +113,21 @@ impl Dashboard {
             // A panic of the drawing thread has been reported by the panic hook; the night is not concerned.
             let _ = thread.join();
         }
+    }
+}
+
+/// Puts lines into the log pane.
+#[derive(Clone, Debug)]
+pub struct Voice {
+    shared: Arc<Shared>,
+    start: Instant,
+}
+
+impl Voice {
+    /// Says something that is not about a cell.
+    pub fn say(&self, level: Level, text: &str) {
+        let at_s = self.start.elapsed().as_secs_f64();
+        self.shared.model().say(level, None, text, at_s);
     }
 }
 

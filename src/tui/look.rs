@@ -79,6 +79,8 @@ pub struct Glyphs {
     pub ellipsis: &'static str,
     /// At most.
     pub at_most: &'static str,
+    /// About.
+    pub about: &'static str,
     /// Between two facts on a line.
     pub separator: &'static str,
     /// The part of a gauge that is done.
@@ -104,6 +106,7 @@ const UNICODE: Glyphs = Glyphs {
     interrupted: "‖",
     ellipsis: "…",
     at_most: "≤",
+    about: "~",
     separator: " · ",
     bar: "━",
     track: "─",
@@ -122,6 +125,7 @@ const ASCII: Glyphs = Glyphs {
     interrupted: "!",
     ellipsis: "..",
     at_most: "<=",
+    about: "~",
     separator: ", ",
     bar: "#",
     track: "-",

@@ -6,20 +6,23 @@
 //! terminal.
 
 pub mod axis;
+pub mod column;
 pub mod curve;
 mod dashboard;
+pub mod entry;
 pub mod eta;
 pub mod guard;
 pub mod line;
 pub mod look;
 pub mod model;
 pub mod panes;
+pub mod thumbs;
 pub mod view;
 pub mod words;
 
 #[cfg(test)]
 mod tests;
 
-pub use dashboard::{Dashboard, LeaveNow};
+pub use dashboard::{Dashboard, LeaveNow, Voice};
 pub use line::{LineOptions, LineSink};
 pub use look::{Colors, Look, Mode, colored, wanted};

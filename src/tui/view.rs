@@ -140,7 +140,7 @@ impl View {
             KeyCode::Char('E') => self.exposure = (self.exposure + 0.5).min(MAX_STOPS),
             KeyCode::Char(digit @ '1'..='9') => {
                 let index = digit as usize - '1' as usize;
-                if model.plan.as_ref().is_some_and(|plan| index < plan.measure.metrics.len()) {
+                if model.plan.as_ref().is_some_and(|plan| index < plan.metrics.len()) {
                     self.metric = index;
                 }
             }

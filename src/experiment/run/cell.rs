@@ -46,6 +46,14 @@ impl Ended {
     }
 }
 
+/// What follows when waves no longer do.
+enum Next {
+    /// The run is over.
+    End(Outcome),
+    /// The user wants it from its first sample.
+    Restart,
+}
+
 /// A run in progress.
 #[derive(Default)]
 struct Progress {
@@ -58,7 +66,13 @@ impl Night<'_, '_> {
     /// Renders one run to its end, whatever that is.
     pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
         let mut progress = Progress::default();
-        let outcome = self.render(work, &mut progress).unwrap_or_else(Outcome::Failed);
+        let outcome = loop {
+            match self.render(work, &mut progress) {
+                Ok(Next::End(outcome)) => break outcome,
+                Ok(Next::Restart) => progress = Progress::default(),
+                Err(reason) => break Outcome::Failed(reason),
+            }
+        };
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
         // Only what is finished is recorded.
@@ -67,7 +81,7 @@ impl Night<'_, '_> {
         Ended { outcome, film, layers, rows: progress.rows }
     }
 
-    fn render(&mut self, work: &Work<'_>, progress: &mut Progress) -> Result<Outcome, String> {
+    fn render(&mut self, work: &Work<'_>, progress: &mut Progress) -> Result<Next, String> {
         let started = Instant::now();
         let scene = self.compiled(work)?;
         let renderer = progress.renderer.insert(self.open(work, scene)?);
@@ -77,9 +91,8 @@ impl Night<'_, '_> {
         let columns = plan.columns();
         let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
         loop {
-            let samples_so_far = progress.rows.last().map_or(0, |row| row.samples);
-            if let Some(outcome) = self.obey(work.cell, samples_so_far)? {
-                return Ok(outcome);
+            if let Some(next) = self.obey(work.cell, progress.rows.last())? {
+                return Ok(next);
             }
             let samples = waves.next(&progress.rows, work.stop);
             let stats = advance(&mut progress.renderer, samples)?;
@@ -103,7 +116,7 @@ impl Night<'_, '_> {
             let rows = &progress.rows;
             let mut ask = |id| hooks.predicate(id, &columns, rows);
             if let Some(reason) = work.stop.check(rows, &columns, &mut ask).map_err(|e| e.to_string())? {
-                return Ok(Outcome::Done(reason));
+                return Ok(Next::End(Outcome::Done(reason)));
             }
         }
     }
@@ -154,15 +167,24 @@ impl Night<'_, '_> {
         values.map_err(|e| e.to_string())
     }
 
-    /// Does what the user wants before the next wave, and waits while the night is paused.
-    fn obey(&mut self, cell: CellRef, samples: u64) -> Result<Option<Outcome>, String> {
+    /// Does what the user wants before the next wave, and waits while the night is paused. `last` is the newest
+    /// measurement of the cell.
+    fn obey(&mut self, cell: CellRef, last: Option<&WaveRow>) -> Result<Option<Next>, String> {
+        let (samples, render_s) = last.map_or((0, 0.0), |row| (row.samples, row.render_s));
+        if !self.control.stop_requested() && self.control.pause_if_reached(samples, render_s).is_some() {
+            self.say(Level::Info, cell, format!("paused as asked, after {samples} samples per pixel"))?;
+        }
         loop {
             if self.control.stop_requested() {
-                return Ok(Some(Outcome::Interrupted));
+                return Ok(Some(Next::End(Outcome::Interrupted)));
             }
             if self.control.take_skip() {
                 self.say(Level::Warn, cell, format!("given up on request after {samples} samples per pixel"))?;
-                return Ok(Some(Outcome::Interrupted));
+                return Ok(Some(Next::End(Outcome::Interrupted)));
+            }
+            if self.control.take_restart() {
+                self.say(Level::Warn, cell, format!("rendered again on request after {samples} samples per pixel"))?;
+                return Ok(Some(Next::Restart));
             }
             if !self.control.paused() {
                 return Ok(None);

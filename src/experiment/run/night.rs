@@ -73,12 +73,13 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&started).map_err(|reason| RunError::Start { reason })?;
         let references = (0..self.plan.references.len()).map(CellRef::Reference);
         for cell in references.chain((0..self.plan.cells.len()).map(CellRef::Cell)) {
-            if self.control.stop_requested() {
+            if self.control.stop_requested() || self.control.stops_after_cell() {
                 self.summary.interrupted = true;
                 break;
             }
-            // A request to give up that came too late for the cell before is not meant for this one.
+            // A request that came too late for the cell before is not meant for this one.
             self.control.take_skip();
+            self.control.take_restart();
             match cell {
                 CellRef::Reference(place) => self.reference(place),
                 CellRef::Cell(place) => self.cell(place),

@@ -7,27 +7,15 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{pane, title};
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellConfig, CellRef, Plan, WaveRow};
+use crate::experiment::{CellConfig, CellRef, Outline, WaveRow};
 use crate::render::OpenStats;
-use crate::scene::SceneDesc;
 use crate::transport::integrator;
+use crate::tui::entry::State;
 use crate::tui::eta;
 use crate::tui::look::Look;
-use crate::tui::model::{Current, Model, State};
+use crate::tui::model::{Current, Model};
 use crate::tui::view::View;
 use crate::tui::words;
-
-/// What a cell or reference renders.
-fn config_of(plan: &Plan, cell: CellRef) -> Option<(&CellConfig, &SceneDesc)> {
-    match cell {
-        CellRef::Cell(i) => plan.cells.get(i).map(|cell| (&*cell.config, &*cell.scene)),
-        CellRef::Reference(i) => match &plan.references.get(i)?.source {
-            ReferenceSource::Render { config, scene, .. } => Some((config, scene)),
-            ReferenceSource::File(_) => None,
-        },
-    }
-}
 
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
@@ -59,7 +47,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let sheet = Sheet { look, width, height: usize::from(inner.height) };
     let mut lines = sheet.lines(plan, model, view, current);
     // What a rendered reference is stands on the first line in any case.
-    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && config_of(plan, current.cell).is_some();
+    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && plan.config(current.cell).is_some();
     if !named && !rendered_reference {
         lines.insert(0, (3, sheet.fit(&name, look.accent())));
     }
@@ -90,13 +78,13 @@ struct Sheet {
 
 impl Sheet {
     /// The lines in order, each with its importance: 1 stays longest.
-    fn lines(&self, plan: &Plan, model: &Model, view: &View, current: &Current) -> Vec<(u8, Line<'static>)> {
+    fn lines(&self, plan: &Outline, model: &Model, view: &View, current: &Current) -> Vec<(u8, Line<'static>)> {
         let empty = WaveRow::default();
         let row = current.curve.last().unwrap_or(&empty);
         let mut lines: Vec<(u8, Line<'static>)> = Vec::new();
-        if let Some((config, scene)) = config_of(plan, current.cell) {
-            lines.push((4, self.technique(config, scene)));
-            lines.push((5, self.subject(config, scene)));
+        if let Some(config) = plan.config(current.cell) {
+            lines.push((4, self.technique(config)));
+            lines.push((5, self.subject(config)));
             let set: Vec<String> = config.set.iter().map(|(path, value)| format!("{path}={value}")).collect();
             let params = config.params.iter().map(|(name, value)| format!("{name}={value}"));
             let changes = params.chain(set).collect::<Vec<_>>().join("  ");
@@ -110,7 +98,7 @@ impl Sheet {
         lines.push((1, self.speed(row)));
         lines.push((2, self.times(model, view, row)));
         if !row.metrics.is_empty() {
-            let metrics = plan.measure.metrics.iter().zip(&row.metrics);
+            let metrics = plan.metrics.iter().zip(&row.metrics);
             let facts = metrics.map(|(m, x)| self.fact(&m.column, &words::measured(m, *x), Style::new())).collect();
             lines.push((7, self.facts(facts)));
         }
@@ -166,22 +154,22 @@ impl Sheet {
         line
     }
 
-    fn technique(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
+    fn technique(&self, config: &CellConfig) -> Line<'static> {
         let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
-        let depth = config.max_depth.unwrap_or(scene.max_depth);
-        let edges = if depth == 1 { "edge" } else { "edges" };
+        let edges = config
+            .max_depth
+            .map_or_else(String::new, |depth| format!("{depth} {}", if depth == 1 { "edge" } else { "edges" }));
         self.facts(vec![
             vec![Span::styled(words::clean(&config.integrator), self.look.accent())],
             vec![Span::raw(long)],
-            vec![Span::raw(format!("{depth} {edges}"))],
+            vec![Span::raw(edges)],
         ])
     }
 
-    fn subject(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
-        let [w, h] = config.resolution.unwrap_or(scene.resolution);
+    fn subject(&self, config: &CellConfig) -> Line<'static> {
         let filter = config.filter.kind.name();
         let name = words::fit(&words::scene_name(&config.scene), self.width, self.look.glyphs().ellipsis);
-        let size = format!("{w}x{h} px");
+        let size = config.resolution.map_or_else(String::new, |[w, h]| format!("{w}x{h} px"));
         let filter = format!("{filter} {} px", config.filter.radius);
         let facts = [name, size, filter, words::clean(&config.backend)];
         self.facts(facts.into_iter().map(|fact| vec![Span::raw(fact)]).collect())
@@ -226,11 +214,12 @@ impl Sheet {
     /// Why it ended, or when it will.
     fn end(&self, model: &Model, current: &Current) -> (String, Style) {
         let look = self.look;
-        match (model.entry(current.cell).map(|entry| &entry.state), model.stop_rule(current.cell)) {
+        let until = model.plan.as_ref().and_then(|plan| plan.until(current.cell));
+        match (model.entry(current.cell).map(|entry| &entry.state), until) {
             (Some(State::Done(reason)), _) => (format!("done: {reason}"), look.good()),
             (Some(State::Failed(reason)), _) => (format!("failed: {reason}"), look.bad()),
             (Some(State::Interrupted), _) => ("interrupted before its end".to_owned(), look.warn()),
-            (_, Some(rule)) => (format!("until {}", rule.describe()), look.dim()),
+            (_, Some(until)) => (format!("until {}", until.words), look.dim()),
             (_, None) => (String::new(), look.dim()),
         }
     }

@@ -20,7 +20,7 @@ use crate::tui::words;
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
-    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.measure.metrics[..]);
+    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
     let spec = metrics.get(view.metric);
     let current = model.current.as_ref();
     let mut block = pane(look, headline(spec, current, view, area.width));
@@ -54,9 +54,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
 fn note(current: &Current) -> &'static str {
     match current.cell {
         CellRef::Reference(_) => "This is a reference: cells are measured against it, so it has no error of its own.",
-        CellRef::Cell(_)
-            if current.reference.is_none() && current.curve.rows().iter().all(|r| r.metrics.is_empty()) =>
-        {
+        CellRef::Cell(_) if current.reference.is_none() && current.curve.rows().all(|r| r.metrics.is_empty()) => {
             "This cell has no reference, so there is no error to show."
         }
         CellRef::Cell(_) => "No measurement can be plotted yet.",
@@ -128,7 +126,7 @@ fn points(current: &Current, view: &View) -> Vec<(f64, f64)> {
         let (x, y) = (x_of(row, view.chart_x), *row.metrics.get(view.metric)?);
         (x > 0.0 && x.is_finite() && y.is_finite()).then_some((x, y))
     };
-    current.curve.rows().iter().filter_map(point).collect()
+    current.curve.rows().filter_map(point).collect()
 }
 
 /// The value of `column` at which the rule, or a part of it, holds.

@@ -128,7 +128,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     };
     let brightness = view.exposure.exp2();
     let exposed = Image::from_fn(size[0], size[1], |x, y| preview.reduced.at(x, y).map(|v| v * brightness));
-    let display = plan.measure.display.apply(&exposed);
+    let display = plan.display.apply(&exposed);
     let cell_rows = size[1].div_ceil(per_cell) as u16;
     let at = Rect {
         x: inner.x + (inner.width - size[0] as u16) / 2,

@@ -8,7 +8,9 @@ use ratatui::widgets::Paragraph;
 
 use super::pane;
 use crate::experiment::{CellRef, WaveRow};
-use crate::tui::model::{Column, Counts, Entry, Model, State};
+use crate::tui::column::Column;
+use crate::tui::entry::{Counts, Entry, State};
+use crate::tui::model::Model;
 use crate::tui::view::View;
 use crate::tui::words;
 
@@ -50,7 +52,7 @@ fn numbers(model: &Model, view: &View) -> Vec<Numbers> {
         text,
     };
     let mut numbers = vec![column("spp", 5, Box::new(|row| words::count(row.samples)))];
-    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.measure.metrics[..]);
+    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
     if let Some(metric) = metrics.get(view.metric) {
         let index = view.metric;
         let text = move |row: &WaveRow| row.metrics.get(index).map_or_else(String::new, |x| words::number(*x));
@@ -67,7 +69,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let counts = Counts::of(&model.cells);
     let mut title = vec![Span::styled(" Plan ", look.strong())];
     if let Some(plan) = &model.plan {
-        let skipped = plan.skipped.len();
+        let skipped = plan.skipped;
         let left_out = if skipped > 0 { format!(", {skipped} left out") } else { String::new() };
         let noun = if counts.total() == 1 { "cell" } else { "cells" };
         title.push(Span::styled(format!("{} {noun}{left_out} ", counts.total()), look.dim()));
@@ -179,7 +181,7 @@ impl<'m> Table<'m> {
         }
         let mut line = self.padded(&label);
         for n in &self.numbers {
-            let value = entry.last.as_ref().map_or_else(String::new, &n.text);
+            let value = entry.last.as_deref().map_or_else(String::new, &n.text);
             line.push_str(&format!(" {value:>width$}", width = n.width));
         }
         spans.push(Span::styled(line, text));

@@ -5,9 +5,10 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
+use crate::tui::entry::Counts;
 use crate::tui::eta::Eta;
 use crate::tui::look::Look;
-use crate::tui::model::{Counts, Model};
+use crate::tui::model::Model;
 use crate::tui::view::{Focus, View};
 use crate::tui::words;
 
@@ -34,10 +35,14 @@ fn status(model: &Model, view: &View) -> (&'static str, Style) {
     }
 }
 
-/// Time that is left: `12.0 s left`, `at most 12.0 s left`.
+/// Time that is left: `12.0 s left`, with a sign for `at most` and `about`.
 pub fn time_left(look: Look, eta: Eta) -> String {
-    let at_most = if eta.at_most { format!("{} ", look.glyphs().at_most) } else { String::new() };
-    format!("{at_most}{} left", words::duration(eta.seconds))
+    let sign = match eta {
+        Eta { at_most: true, .. } => format!("{} ", look.glyphs().at_most),
+        Eta { forecast: true, .. } => format!("{} ", look.glyphs().about),
+        _ => String::new(),
+    };
+    format!("{sign}{} left", words::duration(eta.seconds))
 }
 
 /// The facts of the right-hand side, most important first.
