@@ -87,6 +87,13 @@ pub enum Verb {
     Plan(PlanArgs),
     /// Check scripts and scene files of every known format; render and write nothing
     Check(CheckArgs),
+    /// Show a night that runs or has ended in the dashboard, from any terminal
+    ///
+    /// Reads files only: no lock is taken and nothing is written, so a folder that was copied from another machine will
+    /// do. Without a terminal it prints what `status` does.
+    Watch(WatchArgs),
+    /// Say how far a night is: what runs, what is done, what failed, how long it will take
+    Status(StatusArgs),
     /// List experiments and the states of their runs
     Ls(LsArgs),
     /// Show one run: its configuration, last measurements and files
@@ -176,9 +183,49 @@ pub struct CheckArgs {
     pub files: Vec<PathBuf>,
 }
 
+/// `lumbre watch`.
+#[derive(Args, Debug)]
+pub struct WatchArgs {
+    /// An experiment's folder, or a folder of results, whose latest it is [default: --out]
+    pub folder: Option<PathBuf>,
+}
+
+/// `lumbre status`.
+#[derive(Args, Debug)]
+pub struct StatusArgs {
+    /// An experiment's folder, or a folder of results, whose latest it is [default: --out]
+    pub folder: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The states of runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum StateName {
+    /// Finished in its own folder
+    Done,
+    /// Finished in another folder of the same experiment
+    Elsewhere,
+    /// Its last try failed
+    Failed,
+    /// Started and not ended: running, or cut off
+    Unfinished,
+    /// Not started
+    Pending,
+}
+
 /// `lumbre ls`.
 #[derive(Args, Debug)]
 pub struct LsArgs {
+    /// Show only runs with all of these words in their experiment, path, id or reason: `depth=5`, `veach`
+    pub words: Vec<String>,
+    /// Show only runs in this state; give it again for more
+    #[arg(long, value_name = "STATE")]
+    pub state: Vec<StateName>,
+    /// Show only the experiment that was run last
+    #[arg(long)]
+    pub latest: bool,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -187,7 +234,7 @@ pub struct LsArgs {
 /// `lumbre show`.
 #[derive(Args, Debug)]
 pub struct ShowArgs {
-    /// The run's folder, or the first digits of its id
+    /// The run's folder, the first digits of its id, or `latest`: the one that started or ended last
     pub run: String,
     /// Print JSON
     #[arg(long)]

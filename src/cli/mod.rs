@@ -19,8 +19,10 @@ mod recorder;
 mod run;
 mod schema;
 mod signals;
+mod status;
 mod text;
 pub mod verify;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -55,6 +57,8 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Run(args) => run::main(args, global, &log),
         Verb::Plan(args) => plan::main(args, global),
         Verb::Check(args) => check::main(args, global),
+        Verb::Watch(args) => watch::main(args, global, &log),
+        Verb::Status(args) => status::main(args, global),
         Verb::Ls(args) => inspect::ls(args, global),
         Verb::Show(args) => inspect::show(args, global),
         Verb::Schema(args) => schema::main(args),

@@ -81,7 +81,10 @@ impl<'a> Recorder<'a> {
         self.log.set_run(Some(writer.open_log().map_err(lost)?));
         self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
         let facts = self.facts(cell, open);
-        let fields = json!({ "run": facts.run, "path": self.path(cell), "device": open.device });
+        let fields = json!({
+            "run": facts.run, "path": self.path(cell), "device": open.device,
+            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes,
+        });
         self.current = Some(Current { cell, writer, open: open.clone(), facts });
         self.tell("cell_started", &fields);
         Ok(())
@@ -204,7 +207,8 @@ impl<'a> Recorder<'a> {
         let last = rows.last().cloned().unwrap_or_default();
         json!({
             "run": self.plan.id(cell).0, "path": self.path(cell), "outcome": word, "reason": reason,
-            "samples": last.samples, "render_s": last.render_s,
+            "samples": last.samples, "render_s": last.render_s, "wall_s": last.wall_s, "waves": last.wave,
+            "paths": last.paths, "rays": last.rays, "invalid": last.invalid, "metrics": self.metrics(&last),
         })
     }
 

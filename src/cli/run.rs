@@ -137,7 +137,7 @@ impl Watcher {
         if whole_screen && !global.no_tui && !global.quiet {
             log.hold();
             let leave = Box::new(|| std::process::exit(i32::from(Exit::Interrupted.code())));
-            match tui::Dashboard::start(Arc::clone(control), leave) {
+            match tui::Dashboard::start(tui::Role::Run(Arc::clone(control)), leave) {
                 Ok(dashboard) => {
                     let voice = dashboard.voice();
                     log.listen(Box::new(move |level, text| voice.say(importance(level), text)));

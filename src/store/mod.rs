@@ -6,6 +6,7 @@
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
 //!                                    films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png ref.json
+//! out/index.sqlite      what finished runs say, a cache that is made anew from the folders
 //! ```
 //!
 //! Folders are the truth: whether a run is done is whether its `done.json` (for a reference, `ref.json`) is there,
@@ -17,12 +18,16 @@
 mod archive;
 mod describe;
 mod experiment;
+mod follow;
 mod host;
+mod index;
 mod journal;
 mod layout;
 mod list;
+mod outline;
 pub mod rows;
 mod run;
+mod tail;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -32,8 +37,9 @@ use std::path::PathBuf;
 pub use archive::{Archive, Decode};
 pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
-pub use host::{Host, utc};
-pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
+pub use follow::{Follower, Seen, Sight};
+pub use host::{Host, seconds_of, utc};
+pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
 pub use run::{FILMS, RunWriter};
 pub use write::{atomic, probe};
 

@@ -75,6 +75,12 @@ pub struct Glyphs {
     pub failed: &'static str,
     /// A cell that was interrupted.
     pub interrupted: &'static str,
+    /// A group whose cells follow.
+    pub open: &'static str,
+    /// A group whose cells do not.
+    pub closed: &'static str,
+    /// Where the next letter goes.
+    pub cursor: &'static str,
     /// Text that goes on.
     pub ellipsis: &'static str,
     /// At most.
@@ -104,6 +110,9 @@ const UNICODE: Glyphs = Glyphs {
     cached: "≡",
     failed: "✗",
     interrupted: "‖",
+    open: "▾",
+    closed: "▹",
+    cursor: "▏",
     ellipsis: "…",
     at_most: "≤",
     about: "~",
@@ -123,6 +132,9 @@ const ASCII: Glyphs = Glyphs {
     cached: "=",
     failed: "x",
     interrupted: "!",
+    open: "v",
+    closed: ">",
+    cursor: "_",
     ellipsis: "..",
     at_most: "<=",
     about: "~",

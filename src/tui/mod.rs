@@ -7,8 +7,10 @@
 
 pub mod axis;
 pub mod column;
+mod command;
 pub mod curve;
 mod dashboard;
+pub mod device;
 pub mod entry;
 pub mod eta;
 pub mod guard;
@@ -16,6 +18,8 @@ pub mod line;
 pub mod look;
 pub mod model;
 pub mod panes;
+pub mod preview;
+pub mod rows;
 pub mod thumbs;
 pub mod view;
 pub mod words;
@@ -23,6 +27,6 @@ pub mod words;
 #[cfg(test)]
 mod tests;
 
-pub use dashboard::{Dashboard, LeaveNow, Voice};
+pub use dashboard::{Dashboard, LeaveNow, Role, Voice};
 pub use line::{LineOptions, LineSink};
 pub use look::{Colors, Look, Mode, colored, wanted};

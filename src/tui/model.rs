@@ -7,10 +7,10 @@ use super::column::{Column, columns};
 use super::curve::Curve;
 use super::entry::{Entry, State, mean_wall_s};
 use super::eta::{self, Eta};
-use super::thumbs::Thumbs;
+use super::thumbs::{Thumb, Thumbs};
 use super::words;
 use crate::experiment::event::Level;
-use crate::experiment::{CellRef, Event, Outcome, Outline, StopRule, WaveRow};
+use crate::experiment::{CellConfig, CellRef, Event, Outcome, Outline, StopRule, WaveRow};
 use crate::film::SharedImage;
 use crate::film::layer::LayerImage;
 use crate::render::OpenStats;
@@ -39,6 +39,8 @@ pub struct Current {
     pub heard_s: f64,
     /// Whether it still renders.
     pub running: bool,
+    /// What it renders, where the plan does not know.
+    pub config: Option<Arc<CellConfig>>,
 }
 
 /// A message in the log.
@@ -75,6 +77,8 @@ pub struct Model {
     pub started_s: Option<f64>,
     /// When it ended.
     pub finished_s: Option<f64>,
+    /// When anything was heard last.
+    pub heard_s: f64,
     /// Number of events heard.
     pub revision: u64,
 }
@@ -112,13 +116,29 @@ impl Model {
             started_s: Some(at_s),
             messages: std::mem::take(&mut self.messages),
             revision: self.revision + 1,
+            heard_s: at_s,
             ..Model::default()
         };
     }
 
+    /// Another night begins in the same folder: what the one before had done is there, the rest is open again.
+    pub fn begin_again(&mut self, at_s: f64) {
+        self.heard(at_s);
+        for entry in self.references.iter_mut().chain(&mut self.cells) {
+            entry.state = match entry.state {
+                State::Done(_) | State::Cached => State::Cached,
+                _ => State::Waiting,
+            };
+        }
+        (self.started_s, self.finished_s) = (Some(at_s), None);
+        if let Some(current) = &mut self.current {
+            current.running = false;
+        }
+    }
+
     /// A cell opens, for the first time or once more.
     pub fn start(&mut self, cell: CellRef, open: OpenStats, reference: Option<SharedImage>, at_s: f64) {
-        self.revision += 1;
+        self.heard(at_s);
         let Some(entry) = self.entry_mut(cell) else { return };
         *entry = Entry { state: State::Running, last: None };
         self.current = Some(Current { open, reference, ..Current::new(cell, at_s) });
@@ -126,7 +146,7 @@ impl Model {
 
     /// A cell was measured.
     pub fn wave(&mut self, cell: CellRef, row: &WaveRow, measure_s: f64, at_s: f64) {
-        self.revision += 1;
+        self.heard(at_s);
         let row = Arc::new(row.clone());
         let Some(entry) = self.entry_mut(cell) else { return };
         *entry = Entry { state: State::Running, last: Some(Arc::clone(&row)) };
@@ -149,7 +169,7 @@ impl Model {
 
     /// A cell ended; `last` is its last measurement.
     pub fn finish(&mut self, cell: CellRef, outcome: &Outcome, last: Option<&WaveRow>, at_s: f64) {
-        self.revision += 1;
+        self.heard(at_s);
         let Some(entry) = self.entry_mut(cell) else { return };
         entry.state = State::from(outcome);
         if let Some(row) = last {
@@ -168,6 +188,24 @@ impl Model {
         }
     }
 
+    /// What the current cell renders, for a reader whose plan does not say it.
+    pub fn configured(&mut self, cell: CellRef, config: Arc<CellConfig>) {
+        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+            current.config = Some(config);
+        }
+    }
+
+    /// One more film of a strategy of a cell.
+    pub fn strategy(&mut self, cell: CellRef, thumb: Thumb) {
+        self.revision += 1;
+        let mut thumbs = match self.thumbs.take() {
+            Some(thumbs) if thumbs.cell == cell => thumbs,
+            _ => Arc::new(Thumbs { cell, films: Vec::new() }),
+        };
+        Arc::make_mut(&mut thumbs).films.push(thumb);
+        self.thumbs = Some(thumbs);
+    }
+
     /// A cell kept films; those of its strategies are remembered as small pictures.
     pub fn layers(&mut self, cell: CellRef, layers: &[LayerImage]) {
         if let Some(thumbs) = Thumbs::of(cell, layers) {
@@ -177,7 +215,7 @@ impl Model {
 
     /// Something is said, about a cell or the night.
     pub fn say(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
-        self.revision += 1;
+        self.heard(at_s);
         let about = match (&self.plan, cell) {
             (Some(plan), Some(cell @ CellRef::Cell(_))) => format!("{}: ", words::cell_name(plan, cell)),
             (Some(plan), Some(cell)) => format!("reference {}: ", words::cell_name(plan, cell)),
@@ -192,11 +230,16 @@ impl Model {
 
     /// The night is over.
     pub fn end(&mut self, at_s: f64) {
-        self.revision += 1;
+        self.heard(at_s);
         self.finished_s = Some(at_s);
         if let Some(current) = &mut self.current {
             current.running = false;
         }
+    }
+
+    fn heard(&mut self, at_s: f64) {
+        self.revision += 1;
+        self.heard_s = self.heard_s.max(at_s);
     }
 
     fn entry_mut(&mut self, cell: CellRef) -> Option<&mut Entry> {
@@ -204,6 +247,13 @@ impl Model {
             CellRef::Cell(i) => self.cells.get_mut(i),
             CellRef::Reference(i) => self.references.get_mut(i),
         }
+    }
+
+    /// What a cell or reference renders, where it is known.
+    pub fn config(&self, cell: CellRef) -> Option<&CellConfig> {
+        let current = self.current.as_ref().filter(|current| current.cell == cell);
+        let known = current.and_then(|current| current.config.as_ref());
+        known.or_else(|| self.plan.as_ref()?.config(cell)).map(Arc::as_ref)
     }
 
     /// The state of a cell or reference.
@@ -291,6 +341,7 @@ impl Current {
             measure_s: 0.0,
             heard_s: at_s,
             running: true,
+            config: None,
         }
     }
 }

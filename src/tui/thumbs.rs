@@ -3,7 +3,7 @@
 use crate::experiment::CellRef;
 use crate::film::Image;
 use crate::film::layer::{LayerImage, Part};
-use crate::tui::panes::picture::box_average;
+use crate::tui::preview::box_average;
 
 /// The most pixels along one side of a small picture.
 const SIDE: u32 = 96;

@@ -9,6 +9,7 @@ use ratatui::widgets::Paragraph;
 use super::{pane, title};
 use crate::experiment::{CellConfig, CellRef, Outline, WaveRow};
 use crate::render::OpenStats;
+use crate::scene::SceneDesc;
 use crate::transport::integrator;
 use crate::tui::entry::State;
 use crate::tui::eta;
@@ -47,7 +48,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let sheet = Sheet { look, width, height: usize::from(inner.height) };
     let mut lines = sheet.lines(plan, model, view, current);
     // What a rendered reference is stands on the first line in any case.
-    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && plan.config(current.cell).is_some();
+    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && model.config(current.cell).is_some();
     if !named && !rendered_reference {
         lines.insert(0, (3, sheet.fit(&name, look.accent())));
     }
@@ -59,7 +60,7 @@ fn state(model: &Model, view: &View, current: &Current) -> (&'static str, Style)
     let look = view.look;
     match model.entry(current.cell).map(|entry| &entry.state) {
         Some(State::Running) if view.skipping == Some(current.cell) => ("skipping after this wave", look.warn()),
-        Some(State::Running) if view.paused => ("paused", look.warn()),
+        Some(State::Running) if view.wishes.paused => ("paused", look.warn()),
         Some(State::Running) => ("rendering", look.accent()),
         Some(State::Done(_)) => ("done", look.good()),
         Some(State::Cached) => ("cached", look.good()),
@@ -82,7 +83,7 @@ impl Sheet {
         let empty = WaveRow::default();
         let row = current.curve.last().unwrap_or(&empty);
         let mut lines: Vec<(u8, Line<'static>)> = Vec::new();
-        if let Some(config) = plan.config(current.cell) {
+        if let Some(config) = model.config(current.cell) {
             lines.push((4, self.technique(config)));
             lines.push((5, self.subject(config)));
             let set: Vec<String> = config.set.iter().map(|(path, value)| format!("{path}={value}")).collect();
@@ -91,6 +92,9 @@ impl Sheet {
             if !changes.is_empty() {
                 lines.push((9, self.fit(&words::clean(&changes), self.look.dim())));
             }
+        }
+        if let Some(scene) = plan.scene(current.cell) {
+            lines.push((10, self.camera(scene)));
         }
         if !current.open.device.is_empty() {
             lines.push((8, self.device(&current.open)));
@@ -175,6 +179,20 @@ impl Sheet {
         self.facts(facts.into_iter().map(|fact| vec![Span::raw(fact)]).collect())
     }
 
+    fn camera(&self, scene: &SceneDesc) -> Line<'static> {
+        let camera = &scene.camera;
+        let dim = |text: String| vec![Span::styled(text, self.look.dim())];
+        let mut facts = vec![dim(format!("field of view {} deg", words::number(f64::from(camera.fov_deg))))];
+        facts.push(match camera.aperture {
+            0.0 => dim("pinhole".to_owned()),
+            aperture => dim(format!("aperture {}", words::number(f64::from(aperture)))),
+        });
+        if let Some(focus) = camera.focus_distance {
+            facts.push(dim(format!("focus {}", words::number(f64::from(focus)))));
+        }
+        self.facts(facts)
+    }
+
     fn device(&self, open: &OpenStats) -> Line<'static> {
         let device = words::fit(&words::clean(&open.device), self.width, self.look.glyphs().ellipsis);
         let mut facts = vec![vec![Span::styled(device, self.look.dim())]];
@@ -193,6 +211,11 @@ impl Sheet {
         let mut facts = vec![unit(words::count(row.samples), "spp")];
         if row.invalid > 0 {
             facts.push(vec![Span::styled(format!("{} invalid", words::count(row.invalid)), self.look.bad())]);
+        }
+        // A frame is one sample of every pixel.
+        if row.samples > 0 && row.render_s > 0.0 {
+            facts.push(unit(words::number(row.samples as f64 / row.render_s), "fps"));
+            facts.push(unit(words::number(row.render_s / row.samples as f64 * 1e3), "ms/frame"));
         }
         facts.push(unit(words::number(row.mpaths_per_s()), "Mpaths/s"));
         facts.push(unit(words::number(mrays), "Mrays/s"));

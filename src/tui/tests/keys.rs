@@ -22,8 +22,8 @@ fn keys_that_concern_the_night_are_handed_back() {
     let mut view = View::new(RICH);
     for (code, command) in [
         (KeyCode::Char('q'), Command::Stop),
-        (KeyCode::Char('p'), Command::Pause),
-        (KeyCode::Char(' '), Command::Pause),
+        (KeyCode::Char('p'), Command::Pause(None)),
+        (KeyCode::Char(' '), Command::Pause(None)),
         (KeyCode::Char('s'), Command::Skip),
     ] {
         assert_eq!(press(&mut view, &model, code), Some(command), "{code:?}");
@@ -50,13 +50,13 @@ fn nothing_can_be_skipped_where_nothing_renders() {
 fn the_view_changes_and_comes_back() {
     let (model, _) = in_the_middle().model();
     let mut view = View::new(RICH);
-    let order = [Focus::Picture, Focus::Chart, Focus::Log, Focus::Overview];
+    let order = [Focus::Picture, Focus::Chart, Focus::Log, Focus::Plan, Focus::Overview];
     for focus in order {
         press(&mut view, &model, KeyCode::Tab);
         assert_eq!(view.focus, focus);
     }
     press(&mut view, &model, KeyCode::BackTab);
-    assert_eq!(view.focus, Focus::Log);
+    assert_eq!(view.focus, Focus::Plan);
     press(&mut view, &model, KeyCode::Esc);
     assert_eq!(view.focus, Focus::Overview);
 

@@ -12,6 +12,7 @@ use crate::film::Image;
 use crate::tui::look::{Colors, Look};
 use crate::tui::model::Model;
 use crate::tui::panes::picture;
+use crate::tui::preview::box_average;
 use crate::tui::view::View;
 
 /// The inside of a picture pane of `columns` x `rows`, drawn from `image`.
@@ -86,12 +87,12 @@ fn reducing_keeps_the_mean_at_any_size() {
     let image = night::picture(4);
     let mean = image.mean();
     for (w, h) in [(64, 64), (7, 5), (63, 64), (1, 1), (100, 90)] {
-        let reduced = picture::box_average(&image, w, h);
+        let reduced = box_average(&image, w, h);
         let m = reduced.mean();
         assert!((0..3).all(|c| (m[c] - mean[c]).abs() < 1e-4 * mean[c]), "{w}x{h}: {m:?} is not {mean:?}");
     }
     let broken = Image::from_fn(2, 1, |x, _| if x == 0 { [f32::NAN; 3] } else { [1.0; 3] });
-    assert_eq!(picture::box_average(&broken, 1, 1).data, [[0.5; 3]]);
+    assert_eq!(box_average(&broken, 1, 1).data, [[0.5; 3]]);
 }
 
 #[test]

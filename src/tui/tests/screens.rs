@@ -11,7 +11,7 @@ use crate::experiment::{CellRef, Outcome};
 use crate::tui::look::{Colors, Look};
 use crate::tui::model::Model;
 use crate::tui::panes;
-use crate::tui::view::{ChartX, Focus, View};
+use crate::tui::view::{ChartX, Focus, View, Wishes};
 
 pub const RICH: Look = Look { colors: Colors::True, ascii: false };
 const PLAIN: Look = Look { colors: Colors::None, ascii: true };
@@ -61,9 +61,9 @@ fn a_reference_renders() {
 #[test]
 fn paused_and_stopping() {
     let (model, now_s) = in_the_middle().model();
-    let paused = View { paused: true, ..view(RICH, now_s + 61.0) };
+    let paused = View { wishes: Wishes { paused: true, ..Wishes::default() }, ..view(RICH, now_s + 61.0) };
     assert_snapshot!("paused-80", screen((80, 24), &model, &paused));
-    let stopping = View { stopping: true, ..view(RICH, now_s) };
+    let stopping = View { wishes: Wishes { stopping: true, ..Wishes::default() }, ..view(RICH, now_s) };
     assert_snapshot!("stopping-80", screen((80, 24), &model, &stopping));
 }
 
