@@ -175,6 +175,10 @@ impl Model {
         if let Some(row) = last {
             entry.last = Some(Arc::new(row.clone()));
         }
+        let (level, text) = ended(outcome, last);
+        if let Some(text) = text {
+            self.note(level, Some(cell), &text, at_s);
+        }
         let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) else { return };
         current.running = false;
         current.heard_s = at_s;
@@ -216,6 +220,11 @@ impl Model {
     /// Something is said, about a cell or the night.
     pub fn say(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
         self.heard(at_s);
+        self.note(level, cell, text, at_s);
+    }
+
+    /// Adds a line to the log.
+    fn note(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
         let about = match (&self.plan, cell) {
             (Some(plan), Some(cell @ CellRef::Cell(_))) => format!("{}: ", words::cell_name(plan, cell)),
             (Some(plan), Some(cell)) => format!("reference {}: ", words::cell_name(plan, cell)),
@@ -327,6 +336,19 @@ impl Model {
     /// Invalid (NaN or infinite) samples of all runs of this night.
     pub fn invalid(&self) -> u64 {
         self.references.iter().chain(&self.cells).filter_map(|e| e.last.as_ref()).map(|row| row.invalid).sum()
+    }
+}
+
+/// How an end reads in the log; what was there before is no news.
+fn ended(outcome: &Outcome, last: Option<&WaveRow>) -> (Level, Option<String>) {
+    let far = last.map_or_else(String::new, |row| {
+        format!(" after {} spp, {}", words::count(row.samples), words::duration(row.render_s))
+    });
+    match outcome {
+        Outcome::Done(reason) => (Level::Info, Some(format!("done{far}: {reason}"))),
+        Outcome::Failed(reason) => (Level::Error, Some(format!("failed{far}: {reason}"))),
+        Outcome::Interrupted => (Level::Warn, Some(format!("interrupted{far}"))),
+        Outcome::Cached(_) => (Level::Info, None),
     }
 }
 
