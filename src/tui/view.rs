@@ -269,6 +269,11 @@ impl View {
         if key.modifiers.contains(KeyModifiers::CONTROL) {
             return (key.code == KeyCode::Char('c')).then_some(Command::Stop);
         }
+        if key.modifiers.contains(KeyModifiers::ALT) {
+            // A terminal sends the same for Alt and a letter as for Escape and the letter right after it; nothing here
+            // wants Alt.
+            self.key(KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE), model, area);
+        }
         if let Some(prompt) = self.prompt.take() {
             let order = self.typed(prompt, key.code, model)?;
             return self.obey(order, model, area);

@@ -157,6 +157,15 @@ fn the_command_bar_reaches_the_night_and_the_screen() {
 }
 
 #[test]
+fn a_letter_right_after_escape_is_both() {
+    let (model, _) = in_the_middle().model();
+    let mut view = View { help: true, ..View::new(RICH) };
+    let alt_p = KeyEvent::new(KeyCode::Char('p'), KeyModifiers::ALT);
+    assert_eq!(view.key(alt_p, &model, AREA), Some(Command::Pause(None)));
+    assert!(!view.help);
+}
+
+#[test]
 fn a_filter_leaves_the_cells_with_its_words() {
     let plan = night::plan_over(&(1..=20).collect::<Vec<_>>(), &[0.5, 1.0, 1.5]);
     let mut night = Teller::new(Arc::new(plan));
