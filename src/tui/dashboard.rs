@@ -20,7 +20,7 @@ use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 
 use super::guard::Guard;
-use super::look::Look;
+use super::look::{Graphics, Look};
 use super::model::Model;
 use super::panes;
 use super::view::{Command, View, Wishes};
@@ -107,7 +107,8 @@ impl Dashboard {
         let look = Look::from_env(&|name| std::env::var(name).ok());
         let terminal = open_terminal()?;
         let view = View { watching: matches!(role, Role::Watch), ..View::new(look) };
-        let screen = Screen { terminal, guard, keys: Keys::new(), view, role, shared: shared.clone(), clock };
+        let graphics = Graphics::from_env(&|name| std::env::var(name).ok());
+        let screen = Screen { terminal, guard, keys: Keys::new(), view, graphics, role, shared: shared.clone(), clock };
         let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(move || {
             // Tone mapping uses rayon. With this thread as a pool of its own it stays here, instead of queueing behind
             // the tiles of a wave, where keys would wait with it. Without such a pool it is slower, not wrong.
@@ -211,6 +212,7 @@ struct Screen {
     guard: Guard,
     keys: Keys,
     view: View,
+    graphics: Graphics,
     role: Role,
     shared: Arc<Shared>,
     clock: Clock,
@@ -320,6 +322,11 @@ impl Screen {
         if !self.view.watching {
             let device = model.current.as_ref().map_or("", |current| current.open.device.as_str());
             self.view.gauges.borrow_mut().refresh(device);
+        }
+        if self.graphics != Graphics::Blocks {
+            // Asked of the system, not of the terminal; without an answer pictures are blocks.
+            let cell = terminal::window_size().ok().filter(|s| s.columns > 0 && s.rows > 0);
+            self.view.graphics = (self.graphics, cell.map_or([0, 0], |s| [s.width / s.columns, s.height / s.rows]));
         }
         let (terminal, view) = (&mut self.terminal, &self.view);
         let written = self.guard.write(|| {

@@ -20,6 +20,7 @@ pub mod model;
 pub mod panes;
 pub mod preview;
 pub mod rows;
+pub mod sharp;
 pub mod thumbs;
 pub mod view;
 pub mod words;
@@ -29,4 +30,4 @@ mod tests;
 
 pub use dashboard::{Dashboard, LeaveNow, Role, Voice};
 pub use line::{LineOptions, LineSink};
-pub use look::{Colors, Look, Mode, colored, wanted};
+pub use look::{Colors, Graphics, Look, Mode, colored, wanted};

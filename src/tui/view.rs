@@ -7,11 +7,12 @@ use ratatui::layout::Rect;
 
 use super::command::{self, Order};
 use super::device::Gauges;
-use super::look::Look;
+use super::look::{Graphics, Look};
 use super::model::Model;
 use super::panes;
 use super::preview::Previews;
 use super::rows::Rows;
+use super::sharp::Sharp;
 use crate::experiment::{CellRef, Control, PauseAt};
 
 /// The largest change of exposure, in stops, up or down.
@@ -158,6 +159,8 @@ const FLICKER_S: f64 = 0.6;
 pub struct View {
     /// What the terminal can show.
     pub look: Look,
+    /// How pictures are shown, and the size of a character cell in pixels where that needs it.
+    pub graphics: (Graphics, [u16; 2]),
     /// Whether another process renders, so that keys cannot reach the night.
     pub watching: bool,
     /// Which pane is large.
@@ -196,6 +199,8 @@ pub struct View {
     pub skipping: Option<CellRef>,
     /// The reduced picture of the last frame, so that an unchanged one is not reduced again.
     pub(super) preview: RefCell<Previews>,
+    /// The pictures in full resolution of the last frames.
+    pub(super) sharp: RefCell<Sharp>,
     /// The rows of the plan, so that an unchanged plan is not searched again.
     pub(super) rows: RefCell<Rows>,
     /// The device's gauges.
@@ -207,6 +212,7 @@ impl View {
     pub fn new(look: Look) -> View {
         View {
             look,
+            graphics: (Graphics::Blocks, [0, 0]),
             watching: false,
             focus: Focus::default(),
             help: false,
@@ -226,6 +232,7 @@ impl View {
             wishes: Wishes::default(),
             skipping: None,
             preview: RefCell::default(),
+            sharp: RefCell::default(),
             rows: RefCell::default(),
             gauges: RefCell::default(),
         }

@@ -10,7 +10,7 @@ use ratatui::widgets::Paragraph;
 use super::pane;
 use crate::experiment::Outline;
 use crate::film::Image;
-use crate::tui::look::{Colors, Look};
+use crate::tui::look::{Colors, Graphics, Look};
 use crate::tui::model::Model;
 use crate::tui::preview::{Content, box_average};
 use crate::tui::view::{Picture, View};
@@ -90,7 +90,12 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         return;
     };
     let per_cell = pixels_per_cell(look);
-    let size = fitted([image.width, image.height], inner.width, inner.height, per_cell);
+    let mut size = fitted([image.width, image.height], inner.width, inner.height, per_cell);
+    let cells = sharp_cells([image.width, image.height], inner, view);
+    if let Some([columns, rows]) = cells {
+        let [wide, high] = view.graphics.1;
+        size = [u32::from(columns) * u32::from(wide), u32::from(rows) * u32::from(high)];
+    }
     let content = view.preview.borrow_mut().get(kind, size, image, current.reference.as_ref(), &plan.metrics);
     let shown = match &*content {
         Content::Radiance(reduced) => {
@@ -114,7 +119,29 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         }
     };
     frame.render_widget(block, area);
-    paint(frame, centred(inner, &shown, per_cell), look, &shown, per_cell);
+    let Some(cells) = cells else {
+        return paint(frame, centred(inner, &shown, per_cell), look, &shown, per_cell);
+    };
+    let mut sharp = view.sharp.borrow_mut();
+    if let Some(protocol) = sharp.get(view.graphics.0, kind, cells, view.exposure, &content, || shown) {
+        let [width, height] = cells;
+        let at =
+            Rect { x: inner.x + (inner.width - width) / 2, y: inner.y + (inner.height - height) / 2, width, height };
+        frame.render_widget(ratatui_image::Image::new(protocol), at);
+    }
+}
+
+/// The character cells that a picture in full resolution takes, as many as its aspect allows; `None` where pictures are
+/// blocks. Cells are whole, so that the aspect is off by less than one of them.
+fn sharp_cells(image: [u32; 2], inner: Rect, view: &View) -> Option<[u16; 2]> {
+    let (graphics, [wide, high]) = view.graphics;
+    // What lies over a picture would have to wait for its protocol, so that the help is shown over blocks.
+    let able = graphics != Graphics::Blocks && wide > 0 && high > 0 && view.look.colors != Colors::None && !view.help;
+    let (w, h) = (f64::from(image[0].max(1)), f64::from(image[1].max(1)));
+    let (wide, high) = (f64::from(wide), f64::from(high));
+    let scale = (f64::from(inner.width) * wide / w).min(f64::from(inner.height) * high / h);
+    let fit = |pixels: f64, cell: f64, most: u16| ((pixels * scale / cell).round() as u16).clamp(1, most.max(1));
+    able.then(|| [fit(w, wide, inner.width), fit(h, high, inner.height)])
 }
 
 /// What a picture is called on its frame.
