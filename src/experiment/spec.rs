@@ -191,6 +191,8 @@ pub struct CellConfig {
     pub scene: String,
     /// The scene's file, found.
     pub scene_file: PathBuf,
+    /// What is chosen of the options that a scene written in Lua offers.
+    pub scene_options: BTreeMap<String, Value>,
     /// Name of a row of [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS).
     pub integrator: String,
     /// Parameters of the integrator, checked against its row.

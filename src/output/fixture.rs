@@ -76,6 +76,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         repeat,
         seed: 100 + index as u64,
         config: Arc::new(CellConfig {
+            scene_options: BTreeMap::new(),
             scene: "box".to_owned(),
             scene_file: PathBuf::from("scenes/box.scn"),
             integrator,
@@ -90,6 +91,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             backend: "mock".to_owned(),
         }),
         scene: Arc::new(SceneDesc {
+            views: Vec::new(),
             resolution: [64, 36],
             max_depth: 5,
             camera,

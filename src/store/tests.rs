@@ -29,6 +29,7 @@ fn decode(bytes: &[u8]) -> Result<Image, String> {
 
 fn config() -> Arc<CellConfig> {
     Arc::new(CellConfig {
+        scene_options: Default::default(),
         scene: "scenes/box.scn".into(),
         scene_file: "scenes/box.scn".into(),
         integrator: "bpt".into(),
@@ -55,6 +56,7 @@ fn scene() -> Arc<SceneDesc> {
         optics: Optics::default(),
     };
     Arc::new(SceneDesc {
+        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 5,
         camera,

@@ -10,7 +10,7 @@ use super::{ApiFn, Args, Param, axis, kind, measure, report};
 use crate::experiment::spec::Deadline;
 use crate::script::error::ScriptError;
 use crate::script::source::Place;
-use crate::script::state::Shared;
+use crate::script::state::{Purpose, Shared};
 use crate::script::strict;
 use crate::value::Value;
 use crate::value::schema::{Field, Table, Ty, duration_s};
@@ -189,6 +189,10 @@ fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, S
             None,
         ));
     }
+    if let Purpose::Scene { .. } = shared.purpose {
+        let help = Some("experiments name it by its file".to_owned());
+        return Err(args.error(shared, "a scene's file describes no experiment", help));
+    }
     if !shared.loading.get() {
         return Err(args.error(shared, "experiments are described while the script is read", None));
     }
@@ -200,7 +204,8 @@ fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, S
         _ => return Err(args.wrong(shared, 1, "options", "a table such as { seed = 1 }")),
     };
     let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64);
-    let object = super::experiment_object(lua, shared).map_err(|e| shared.convert(&e))?;
+    let object =
+        super::method_object(lua, shared, METHODS.iter().copied().flatten(), "x").map_err(|e| shared.convert(&e))?;
     shared.builder.borrow_mut().head = Some(Head {
         name,
         seed: integer("seed").map_or(0, i64::unsigned_abs),

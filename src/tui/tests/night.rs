@@ -23,6 +23,7 @@ use crate::value::Value;
 
 fn scene() -> SceneDesc {
     SceneDesc {
+        views: Vec::new(),
         resolution: [512, 512],
         max_depth: 5,
         camera: CameraDesc {
@@ -43,6 +44,7 @@ fn scene() -> SceneDesc {
 
 fn config(depth: u32, radius: f32) -> CellConfig {
     CellConfig {
+        scene_options: BTreeMap::new(),
         scene: "scenes/cornell.scn".to_owned(),
         scene_file: PathBuf::from("scenes/cornell.scn"),
         integrator: "bpt".to_owned(),
