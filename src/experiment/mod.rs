@@ -8,6 +8,7 @@ pub mod outline;
 pub mod plan;
 pub mod run;
 pub mod spec;
+pub mod standing;
 pub mod stop;
 
 pub use event::{CellRef, Control, Event, History, Outcome, PauseAt, Sink, SinkError, WaveRow};

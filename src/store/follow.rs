@@ -142,6 +142,7 @@ impl Follower {
             path: file.clone(),
             reason: "there is no plan, or it is not whole (expected an experiment's folder; `lumbre ls` lists them)"
                 .into(),
+            full: false,
         })?;
         let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
         let out = folder.parent().map(Path::to_owned).unwrap_or_default();

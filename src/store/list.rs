@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 
 use super::archive::{first_invalid, read_json};
 use super::index::Index;
-use super::{FILMS, StoreError, journal, layout, rows};
+use super::{FILMS, StoreError, failure, layout, rows};
 use crate::experiment::WaveRow;
 
 /// How far a run is.
@@ -94,7 +94,6 @@ pub(super) fn finished_beside(out: &Path, name: &str, folder: &Path) -> BTreeMap
 
 fn entry(out: &Path, folder: &Path, plan: &Json, index: &mut Index) -> ExperimentEntry {
     let name = text(&plan["name"]);
-    let failures = journal::failures(&folder.join("journal.jsonl"));
     // Walking other folders takes a while, and only a run that is not here needs it.
     let mut beside = None;
     let mut here: BTreeMap<String, PathBuf> = BTreeMap::new();
@@ -106,8 +105,8 @@ fn entry(out: &Path, folder: &Path, plan: &Json, index: &mut Index) -> Experimen
             (RunState::Elsewhere(twin.clone()), index.finished(twin, marker))
         } else if let Some(other) = beside.get_or_insert_with(|| finished_beside(out, &name, folder)).get(&run) {
             (RunState::Elsewhere(other.clone()), index.finished(other, "done.json"))
-        } else if let Some(reason) = failures.get(&run) {
-            (RunState::Failed(reason.clone()), None)
+        } else if let Some(failure) = failure::read(&place) {
+            (RunState::Failed(failure.reason), None)
         } else if place.exists() {
             (RunState::Unfinished, None)
         } else {
@@ -226,7 +225,8 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
 }
 
 fn record(folder: &Path) -> Result<RunRecord, StoreError> {
-    let broken = |name: &str, reason: String| StoreError::Io { action: "read", path: folder.join(name), reason };
+    let broken =
+        |name: &str, reason: String| StoreError::Io { action: "read", path: folder.join(name), reason, full: false };
     let config = read_json(&folder.join("config.json"))
         .ok_or_else(|| broken("config.json", "it is not whole JSON".to_owned()))?;
     let done = read_json(&folder.join("done.json")).or_else(|| read_json(&folder.join("ref.json")));

@@ -79,6 +79,7 @@ pub(super) fn config(json: &Json) -> Option<CellConfig> {
     Some(CellConfig {
         scene: json["scene"].as_str()?.to_owned(),
         scene_file: PathBuf::from(text(&json["scene_file"])),
+        scene_options: values(&json["scene_options"]),
         integrator: json["integrator"].as_str()?.to_owned(),
         params: values(&json["params"]),
         max_depth: whole(&json["max_depth"]),

@@ -90,8 +90,12 @@ impl Model {
     pub fn hear(&mut self, event: &Event, at_s: f64) {
         match event {
             Event::NightStarted { plan } => self.begin(Arc::new(Outline::of(plan)), at_s),
-            Event::CellStarted { cell, open, reference } => {
+            Event::CellStarted { cell, open, reference, resumed } => {
                 self.start(*cell, open.clone(), reference.clone(), at_s);
+                // What an earlier process measured of it.
+                for row in resumed.iter().flat_map(|rows| rows.iter()) {
+                    self.wave(*cell, row, 0.0, at_s);
+                }
             }
             Event::Wave { cell, row, measure_s, image, pow2: _ } => {
                 self.wave(*cell, row, *measure_s, at_s);
