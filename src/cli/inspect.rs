@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use clap::ValueEnum;
 use serde_json::{Value as Json, json};
 
 use super::args::{Global, LsArgs, ShowArgs};
@@ -10,24 +11,62 @@ use super::load::shown;
 use super::run::counted;
 use super::text;
 use crate::experiment::WaveRow;
-use crate::store::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
+use crate::store::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
 
 /// Lists experiments and their runs.
 pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
-    let experiments = list(&global.out);
+    let mut experiments = list(&global.out);
+    let all = experiments.len();
+    if args.latest {
+        let newest = latest(&global.out).and_then(|folder| folder.canonicalize().ok());
+        experiments.retain(|e| newest.is_some() && e.folder.canonicalize().ok() == newest);
+    }
+    let filtered = narrow(&mut experiments, args);
     if args.json {
         data(&format!("{:#}\n", Json::from(experiments.iter().map(experiment_json).collect::<Vec<_>>())))?;
-    } else if experiments.is_empty() {
+    } else if all == 0 {
         if !global.quiet {
             talk(&format!("no experiments in {}; `lumbre run SCRIPT` makes one", shown(&global.out)));
         }
+    } else if experiments.is_empty() {
+        if !global.quiet {
+            talk(&format!("no runs like that in {}", shown(&global.out)));
+        }
     } else {
-        data(&experiments.iter().map(experiment_page).collect::<Vec<_>>().join("\n"))?;
+        data(&experiments.iter().map(|e| experiment_page(e, filtered)).collect::<Vec<_>>().join("\n"))?;
     }
     Ok(Exit::Done)
 }
 
-fn experiment_page(experiment: &ExperimentEntry) -> String {
+/// Leaves the runs that are asked for, and the experiments that have some; whether anything was asked for.
+fn narrow(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
+    let words: Vec<String> = args.words.iter().map(|word| word.to_lowercase()).collect();
+    let states: Vec<String> =
+        args.state.iter().filter_map(|s| Some(s.to_possible_value()?.get_name().to_owned())).collect();
+    if words.is_empty() && states.is_empty() {
+        return false;
+    }
+    for experiment in experiments.iter_mut() {
+        let folder = experiment.folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let wanted = |run: &RunEntry| {
+            let reason = match &run.state {
+                RunState::Done(reason) | RunState::Failed(reason) => reason.as_str(),
+                _ => "",
+            };
+            let path = if run.path.is_empty() { "reference" } else { &run.path };
+            let text = format!("{folder} {path} {} {reason}", run.run).to_lowercase();
+            (states.is_empty() || states.iter().any(|state| state == run.state.word()))
+                && words.iter().all(|word| text.contains(word))
+        };
+        experiment.runs.retain(&wanted);
+        experiment.references.retain(wanted);
+    }
+    experiments.retain(|e| !e.runs.is_empty() || !e.references.is_empty());
+    true
+}
+
+/// An experiment with its runs; `filtered` says that these are not all.
+fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
     let mut counts = Vec::new();
     for word in ["done", "elsewhere", "failed", "unfinished", "pending"] {
         let n = experiment.runs.iter().filter(|r| r.state.word() == word).count();
@@ -35,7 +74,7 @@ fn experiment_page(experiment: &ExperimentEntry) -> String {
             counts.push(format!("{n} {word}"));
         }
     }
-    let cells = counted(experiment.runs.len(), "cell");
+    let cells = counted(experiment.runs.len(), if filtered { "matching cell" } else { "cell" });
     let mut out = format!("{}  {cells}: {}\n", shown(&experiment.folder), counts.join(", "));
     let line = |run: &RunEntry, name: &str| {
         let samples = run.samples.map(|n| format!("{n} spp")).unwrap_or_default();

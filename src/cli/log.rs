@@ -1,5 +1,6 @@
 //! Where log lines go: into the current run's `log.txt`, and to stderr unless the dashboard owns the screen.
 
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Write as _;
@@ -20,11 +21,31 @@ pub struct Log {
     state: Arc<Mutex<State>>,
 }
 
+/// Hears every line while the screen is taken: its level and its text.
+pub type Listener = Box<dyn Fn(Level, &str) + Send>;
+
+/// Most lines that wait for stderr; older ones are in the logs of the runs.
+const MOST_HELD: usize = 1000;
+
+/// Lines for stderr that wait while the dashboard owns the screen.
+#[derive(Default)]
+struct Held {
+    lines: VecDeque<String>,
+    /// How many were let go.
+    dropped: usize,
+    listener: Option<Listener>,
+}
+
+impl std::fmt::Debug for Held {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Held").field("lines", &self.lines).field("dropped", &self.dropped).finish_non_exhaustive()
+    }
+}
+
 #[derive(Debug, Default)]
 struct State {
     run: Option<File>,
-    /// Lines for stderr wait here while the dashboard owns the screen.
-    held: Option<Vec<String>>,
+    held: Option<Held>,
     quiet: bool,
 }
 
@@ -54,10 +75,20 @@ impl Log {
         self.state().held.get_or_insert_default();
     }
 
+    /// Hands lines to whoever owns the screen too, as long as they are held. The listener must not log.
+    pub fn listen(&self, listener: Listener) {
+        if let Some(held) = &mut self.state().held {
+            held.listener = Some(listener);
+        }
+    }
+
     /// Gives the lines that waited to stderr.
     pub fn release(&self) {
-        let held = self.state().held.take();
-        held.into_iter().flatten().for_each(|line| talk(&line));
+        let Some(held) = self.state().held.take() else { return };
+        if held.dropped > 0 {
+            talk(&format!("({} earlier lines are in the logs of the runs)", held.dropped));
+        }
+        held.lines.iter().for_each(|line| talk(line));
     }
 
     /// Writes one line into the run's log alone.
@@ -94,16 +125,22 @@ impl<S: Subscriber> Layer<S> for RunLog {
         let shown = match level {
             Level::ERROR => format!("error: {}", line.0),
             Level::WARN => format!("warning: {}", line.0),
-            _ => line.0,
+            _ => line.0.clone(),
         };
+        let text = line.0;
         let mut state = self.log.state();
         if state.quiet && level > Level::WARN {
             return;
         }
-        match &mut state.held {
-            Some(held) => held.push(shown),
-            None => talk(&shown),
+        let Some(held) = &mut state.held else { return talk(&shown) };
+        if let Some(listener) = &held.listener {
+            listener(level, &text);
         }
+        if held.lines.len() >= MOST_HELD {
+            held.lines.pop_front();
+            held.dropped += 1;
+        }
+        held.lines.push_back(shown);
     }
 }
 
@@ -132,6 +169,9 @@ mod tests {
         let log = Log::default();
         log.set_run(Some(File::create(&path).unwrap()));
         log.hold();
+        let pane = Arc::new(Mutex::new(Vec::new()));
+        let lines = Arc::clone(&pane);
+        log.listen(Box::new(move |level, text| lines.lock().unwrap().push(format!("{level} {text}"))));
         let subscriber = tracing_subscriber::registry().with(RunLog { log: log.clone(), most: Level::INFO });
         tracing::subscriber::with_default(subscriber, || {
             tracing::warn!(target: "lumbre::test", cells = 3, "the lens is dusty");
@@ -141,6 +181,7 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text.lines().count(), 1);
         assert!(text.ends_with("WARN  the lens is dusty cells=3\n"), "{text}");
-        assert_eq!(log.state().held.as_deref(), Some(&["warning: the lens is dusty cells=3".to_owned()][..]));
+        assert_eq!(log.state().held.as_ref().unwrap().lines, ["warning: the lens is dusty cells=3"]);
+        assert_eq!(*pane.lock().unwrap(), ["WARN the lens is dusty cells=3"], "the pane hears it at once");
     }
 }

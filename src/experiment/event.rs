@@ -1,9 +1,11 @@
 //! What happens during a night, told to everyone who listens.
 
-use std::sync::Arc;
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::plan::Plan;
+use super::standing::{Checkpoint, Claim, Standing};
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::OpenStats;
@@ -87,6 +89,8 @@ pub enum Event {
         open: OpenStats,
         /// The image it will be measured against.
         reference: Option<SharedImage>,
+        /// The measurements of an earlier process, if the run goes on from its checkpoint.
+        resumed: Option<Arc<Vec<WaveRow>>>,
     },
     /// A wave ended and was measured.
     Wave {
@@ -141,7 +145,12 @@ pub trait Sink {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError>;
 }
 
-/// Finds what earlier nights left.
+/// Writes the state of a renderer, and says whether it could: [`Renderer::save`](crate::render::Renderer::save).
+pub type Save<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
+
+/// Finds what earlier nights left, keeps what this one must not lose, and knows who else is at work.
+///
+/// What only some keep has a default: nothing is kept, and nobody else is there.
 pub trait History {
     /// The folder and final measurements of a finished run with this identity.
     fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
@@ -151,6 +160,36 @@ pub trait History {
     /// # Errors
     /// When it is there but cannot be read.
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError>;
+
+    /// Makes a run this process's own, so that no other one works on it, until [`History::release`].
+    ///
+    /// # Errors
+    /// When it cannot be known whether another process has it.
+    fn claim(&self, _plan: &Plan, _cell: CellRef) -> Result<Claim, SinkError> {
+        Ok(Claim::Ours)
+    }
+
+    /// Whether a claim that was granted still holds. It is lost when this process stood still for so long that others
+    /// took it for dead.
+    fn holds(&self, _plan: &Plan, _cell: CellRef) -> bool {
+        true
+    }
+
+    /// Gives a claim back.
+    fn release(&self, _plan: &Plan, _cell: CellRef) {}
+
+    /// The newest valid checkpoint of an unfinished run.
+    fn checkpoint(&self, _plan: &Plan, _cell: CellRef) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Keeps a checkpoint of a run that is claimed, and says whether it did.
+    ///
+    /// # Errors
+    /// When it could not be written; the one before is still there.
+    fn keep(&self, _plan: &Plan, _cell: CellRef, _standing: &Standing, _save: Save<'_>) -> Result<bool, SinkError> {
+        Ok(false)
+    }
 }
 
 /// A run that an earlier night finished.
@@ -162,12 +201,36 @@ pub struct FinishedRun {
     pub rows: Vec<WaveRow>,
 }
 
-/// What the user and signals want, shared between threads.
+/// A limit at which the night pauses by itself, for someone who wants to look. It is no stop rule: those decide what a
+/// run is, and cannot change while it renders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PauseAt {
+    /// Samples per pixel of the current cell.
+    Samples(u64),
+    /// Seconds of render time of the current cell.
+    RenderS(f64),
+}
+
+impl PauseAt {
+    /// Whether a cell that is so far has reached it.
+    pub fn reached(self, samples: u64, render_s: f64) -> bool {
+        match self {
+            PauseAt::Samples(limit) => samples >= limit,
+            PauseAt::RenderS(limit) => render_s >= limit,
+        }
+    }
+}
+
+/// What the user and signals want, shared between threads. The night looks between waves.
 #[derive(Debug, Default)]
 pub struct Control {
     stop: AtomicU8,
+    after_cell: AtomicBool,
     paused: AtomicBool,
+    pause_at: Mutex<Option<PauseAt>>,
     skip: AtomicBool,
+    restart: AtomicBool,
+    checkpoint: AtomicBool,
 }
 
 impl Control {
@@ -181,9 +244,24 @@ impl Control {
         self.stop.load(Ordering::SeqCst) > 0
     }
 
+    /// Asks the night to end after the current cell, or takes that back, and says which.
+    pub fn toggle_stop_after_cell(&self) -> bool {
+        !self.after_cell.fetch_xor(true, Ordering::SeqCst)
+    }
+
+    /// Whether the night should end before it starts another cell.
+    pub fn stops_after_cell(&self) -> bool {
+        self.after_cell.load(Ordering::SeqCst)
+    }
+
     /// Switches pause on or off and says which.
     pub fn toggle_pause(&self) -> bool {
         !self.paused.fetch_xor(true, Ordering::SeqCst)
+    }
+
+    /// Pauses, or goes on.
+    pub fn set_paused(&self, paused: bool) {
+        self.paused.store(paused, Ordering::SeqCst);
     }
 
     /// Whether rendering should wait.
@@ -191,13 +269,51 @@ impl Control {
         self.paused.load(Ordering::SeqCst)
     }
 
+    /// Sets or removes the limit at which the night pauses by itself; it holds once.
+    pub fn set_pause_at(&self, limit: Option<PauseAt>) {
+        *self.pause_at.lock().unwrap_or_else(PoisonError::into_inner) = limit;
+    }
+
+    /// The limit at which the night pauses by itself.
+    pub fn pause_at(&self) -> Option<PauseAt> {
+        *self.pause_at.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Pauses if a cell that is so far has reached the limit, and says whether it did; the limit is then gone.
+    pub fn pause_if_reached(&self, samples: u64, render_s: f64) -> Option<PauseAt> {
+        let mut limit = self.pause_at.lock().unwrap_or_else(PoisonError::into_inner);
+        let reached = limit.take_if(|limit| limit.reached(samples, render_s))?;
+        self.set_paused(true);
+        Some(reached)
+    }
+
     /// Asks the current cell to be given up.
     pub fn request_skip(&self) {
         self.skip.store(true, Ordering::SeqCst);
     }
 
+    /// Asks for a checkpoint at the next opportunity.
+    pub fn request_checkpoint(&self) {
+        self.checkpoint.store(true, Ordering::SeqCst);
+    }
+
+    /// Takes the request for a checkpoint.
+    pub fn take_checkpoint(&self) -> bool {
+        self.checkpoint.swap(false, Ordering::SeqCst)
+    }
+
     /// Takes the request to give up the current cell.
     pub fn take_skip(&self) -> bool {
         self.skip.swap(false, Ordering::SeqCst)
+    }
+
+    /// Asks the current cell to be rendered again from its first sample.
+    pub fn request_restart(&self) {
+        self.restart.store(true, Ordering::SeqCst);
+    }
+
+    /// Takes the request to render the current cell again.
+    pub fn take_restart(&self) -> bool {
+        self.restart.swap(false, Ordering::SeqCst)
     }
 }

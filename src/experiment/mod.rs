@@ -4,12 +4,15 @@
 //! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
 
 pub mod event;
+pub mod outline;
 pub mod plan;
 pub mod run;
 pub mod spec;
+pub mod standing;
 pub mod stop;
 
-pub use event::{CellRef, Control, Event, History, Outcome, Sink, SinkError, WaveRow};
+pub use event::{CellRef, Control, Event, History, Outcome, PauseAt, Sink, SinkError, WaveRow};
+pub use outline::Outline;
 pub use plan::{Cell, Overrides, Plan, PlanError, RunId};
 pub use run::{CellResult, NightSummary, RunError};
 pub use spec::{CellConfig, Point, ScriptHooks, Spec};

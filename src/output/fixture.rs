@@ -49,6 +49,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
             snapshots: Snapshots::Last,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
         script_text: String::new(),

@@ -127,6 +127,7 @@ fn finish(shared: &Shared, returned: &LuaValue, path: &Path, script_text: String
         axes: builder.axes.clone(),
         skips: builder.skips.iter().map(|(reason, _)| reason.clone()).collect(),
         measure: builder.measure.as_ref().map_or_else(api::measure::nothing, |(m, _)| m.clone()),
+        night: builder.night.clone(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
     })

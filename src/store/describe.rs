@@ -4,24 +4,42 @@ use serde_json::{Map, Value as Json, json};
 
 use super::layout;
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point};
+use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point, StopRule};
+use crate::metrics::MetricSpec;
 use crate::value::Value;
 
-/// A whole plan: names, hash, axes, every cell with its point and identity, references, what was left out, notes.
+/// A whole plan: names, hash, axes, what is measured, every cell with its point and identity, references, what was left
+/// out, notes. Cells name their stop rule by its place among `stops`.
 pub fn plan_json(plan: &Plan) -> Json {
+    let mut stops: Vec<&StopRule> = Vec::new();
+    let mut place = |rule| {
+        // The rule of the cell before is looked for first: neighbours mostly share theirs.
+        stops.iter().rposition(|known| *known == rule).unwrap_or_else(|| {
+            stops.push(rule);
+            stops.len() - 1
+        })
+    };
+    let cells: Vec<Json> = plan.cells.iter().map(|cell| cell_line(cell, place(&cell.stop))).collect();
     json!({
         "name": plan.name,
         "hash": plan.hash,
         "seed": plan.seed,
         "axes": plan.axes,
         "metrics": plan.columns(),
-        "cells": plan.cells.iter().map(cell_line).collect::<Vec<_>>(),
-        "references": plan.references.iter().map(|r| {
-            let (kind, source) = match &r.source {
-                ReferenceSource::Render { config, .. } => ("render", config_json(config)),
-                ReferenceSource::File(file) => ("file", json!(file.display().to_string())),
-            };
-            json!({ "run": r.id.0, "kind": kind, "source": source })
+        "measure": {
+            "every_s": plan.measure.every_s,
+            "metrics": plan.measure.metrics.iter().map(metric_json).collect::<Vec<_>>(),
+            "display": plan.measure.display.to_value().to_json(),
+        },
+        "stops": stops.into_iter().map(stop_json).collect::<Vec<_>>(),
+        "cells": cells,
+        "references": plan.references.iter().map(|r| match &r.source {
+            ReferenceSource::Render { config, stop, .. } => {
+                json!({ "run": r.id.0, "kind": "render", "source": config_json(config), "stop": stop_json(stop) })
+            }
+            ReferenceSource::File(file) => {
+                json!({ "run": r.id.0, "kind": "file", "source": file.display().to_string() })
+            }
         }).collect::<Vec<_>>(),
         "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason }))
             .collect::<Vec<_>>(),
@@ -32,7 +50,20 @@ pub fn plan_json(plan: &Plan) -> Json {
     })
 }
 
-fn cell_line(cell: &Cell) -> Json {
+/// A rule in words and in its canonical form. What a predicate is cannot be said without its script.
+fn stop_json(rule: &StopRule) -> Json {
+    json!({ "words": rule.describe(), "rule": rule.canonical(&|_| Value::Nil).to_json() })
+}
+
+fn metric_json(metric: &MetricSpec) -> Json {
+    json!({
+        "column": metric.column,
+        "metric": metric.row.name,
+        "options": Value::Map(metric.options.clone()).to_json(),
+    })
+}
+
+fn cell_line(cell: &Cell, stop: usize) -> Json {
     json!({
         "run": cell.id.0,
         "path": cell.path,
@@ -43,6 +74,7 @@ fn cell_line(cell: &Cell) -> Json {
         "integrator": cell.config.integrator,
         "backend": cell.config.backend,
         "reference": cell.reference,
+        "stop": stop,
     })
 }
 

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value as Json;
 
 use super::archive::{first_invalid, read_json};
-use super::{FILMS, StoreError, journal, layout, rows};
+use super::index::Index;
+use super::{FILMS, StoreError, failure, layout, rows};
 use crate::experiment::WaveRow;
 
 /// How far a run is.
@@ -70,65 +71,90 @@ pub struct ExperimentEntry {
     pub references: Vec<RunEntry>,
 }
 
-/// Every experiment below `out`, ordered by folder. An `out` that is not there holds none.
+/// Every experiment below `out`, ordered by folder. An `out` that is not there holds none. What is finished is read
+/// through the index, which is kept up to date on the way.
 pub fn list(out: &Path) -> Vec<ExperimentEntry> {
     let plans: Vec<(PathBuf, Json)> = layout::folders_in(out)
         .into_iter()
         .filter_map(|folder| read_json(&folder.join("plan.json")).map(|plan| (folder, plan)))
         .collect();
-    let mut finished: BTreeMap<(String, String), PathBuf> = BTreeMap::new();
-    for (folder, plan) in &plans {
-        for run in layout::runs_below(&folder.join("runs")) {
-            if let Some(id) = run.file_name().and_then(|n| n.to_str())
-                && run.join("done.json").is_file()
-            {
-                finished.insert((text(&plan["name"]), id.to_owned()), run.clone());
-            }
-        }
-    }
-    plans.iter().map(|(folder, plan)| entry(out, folder, plan, &finished)).collect()
+    let mut index = Index::open(out);
+    let listed = plans.iter().map(|(folder, plan)| entry(out, folder, plan, &mut index)).collect();
+    index.save();
+    listed
 }
 
-fn entry(out: &Path, folder: &Path, plan: &Json, finished: &BTreeMap<(String, String), PathBuf>) -> ExperimentEntry {
+/// The finished runs of the experiments with this name in the folders beside `folder`, by id.
+pub(super) fn finished_beside(out: &Path, name: &str, folder: &Path) -> BTreeMap<String, PathBuf> {
+    let beside = layout::siblings(out, name).into_iter().filter(|other| other != folder);
+    let runs = beside.flat_map(|other| layout::runs_below(&other.join("runs")));
+    let finished = runs.filter(|run| run.join("done.json").is_file());
+    finished.filter_map(|run| Some((run.file_name()?.to_str()?.to_owned(), run))).collect()
+}
+
+fn entry(out: &Path, folder: &Path, plan: &Json, index: &mut Index) -> ExperimentEntry {
     let name = text(&plan["name"]);
-    let failures = journal::failures(&folder.join("journal.jsonl"));
-    let state = |run: &str, place: &Path, marker: &str| -> (RunState, Option<Json>) {
-        if let Some(done) = read_json(&place.join(marker)) {
-            return (RunState::Done(text(&done["reason"])), Some(done));
-        }
-        if let Some(other) = finished.get(&(name.clone(), run.to_owned())) {
-            return (RunState::Elsewhere(other.clone()), read_json(&other.join("done.json")));
-        }
-        let state = match failures.get(run) {
-            Some(reason) => RunState::Failed(reason.clone()),
-            None if place.exists() => RunState::Unfinished,
-            None => RunState::Pending,
+    // Walking other folders takes a while, and only a run that is not here needs it.
+    let mut beside = None;
+    let mut here: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let mut make = |run: String, path: String, place: PathBuf, marker: &str| {
+        let (state, finished) = if let Some(finished) = index.finished(&place, marker) {
+            here.entry(run.clone()).or_insert_with(|| place.clone());
+            (RunState::Done(finished.reason.clone()), Some(finished))
+        } else if let Some(twin) = here.get(&run) {
+            (RunState::Elsewhere(twin.clone()), index.finished(twin, marker))
+        } else if let Some(other) = beside.get_or_insert_with(|| finished_beside(out, &name, folder)).get(&run) {
+            (RunState::Elsewhere(other.clone()), index.finished(other, "done.json"))
+        } else if let Some(failure) = failure::read(&place) {
+            (RunState::Failed(failure.reason), None)
+        } else if place.exists() {
+            (RunState::Unfinished, None)
+        } else {
+            (RunState::Pending, None)
         };
-        (state, None)
+        let finished = finished.unwrap_or_default();
+        RunEntry { run, path, folder: place, state, samples: finished.samples, render_s: finished.render_s }
     };
-    let make = |run: String, path: String, place: PathBuf, marker: &str| {
-        let (state, done) = state(&run, &place, marker);
-        let done = done.unwrap_or(Json::Null);
-        let (samples, render_s) = (done["samples"].as_u64(), done["render_s"].as_f64());
-        RunEntry { run, path, folder: place, state, samples, render_s }
-    };
-    let list = |key: &str| plan[key].as_array().cloned().unwrap_or_default();
-    let runs = list("cells").into_iter().map(|cell| {
-        let place = folder.join("runs").join(text(&cell["folder"]));
+    let list = |key: &str| plan[key].as_array().map_or(&[][..], Vec::as_slice);
+    let runs = list("cells").iter().map(|cell| {
+        let place = folder.join("runs").join(cell["folder"].as_str().unwrap_or_default());
         make(text(&cell["run"]), text(&cell["path"]), place, "done.json")
     });
-    let references = list("references").into_iter().filter(|r| r["kind"] == "render").map(|reference| {
+    let runs: Vec<RunEntry> = runs.collect();
+    let references = list("references").iter().filter(|r| r["kind"] == "render").map(|reference| {
         let id = text(&reference["run"]);
         let place = layout::reference_folder(out, &crate::experiment::RunId(id.clone()));
         make(id, String::new(), place, "ref.json")
     });
-    ExperimentEntry {
-        folder: folder.to_owned(),
-        hash: text(&plan["hash"]),
-        runs: runs.collect(),
-        references: references.collect(),
-        name: name.clone(),
-    }
+    let references = references.collect();
+    ExperimentEntry { folder: folder.to_owned(), hash: text(&plan["hash"]), runs, references, name }
+}
+
+/// The folder of the experiment that was run last: where `latest` points.
+pub fn latest(out: &Path) -> Option<PathBuf> {
+    let link = out.join("latest");
+    let target = match fs::read_link(&link) {
+        Ok(target) => target,
+        // Where there are no links, it is a text file with the name.
+        Err(_) => PathBuf::from(fs::read_to_string(&link).ok()?.trim()),
+    };
+    let folder = out.join(target);
+    folder.join("plan.json").is_file().then_some(folder)
+}
+
+/// The run that the journal of an experiment's folder names last.
+fn latest_run(out: &Path) -> Option<PathBuf> {
+    let folder = latest(out)?;
+    let plan = read_json(&folder.join("plan.json"))?;
+    let journal = fs::read_to_string(folder.join("journal.jsonl")).ok()?;
+    let lines = journal.lines().rev().filter_map(|line| serde_json::from_str::<Json>(line).ok());
+    let ids = lines.filter_map(|line| Some(line["run"].as_str()?.to_owned()));
+    let cells = plan["cells"].as_array()?;
+    let place = |id: &str| {
+        let cell = cells.iter().find(|cell| cell["run"] == id)?;
+        Some(folder.join("runs").join(cell["folder"].as_str()?))
+    };
+    ids.filter_map(|id| place(&id)).find(|run| run.join("config.json").is_file())
 }
 
 fn text(json: &Json) -> String {
@@ -158,7 +184,8 @@ pub struct RunRecord {
     pub files: Vec<(String, u64)>,
 }
 
-/// Reads a run by its folder, or by the first digits of its id among all runs and references below `out`.
+/// Reads a run by its folder, by the first digits of its id among all runs and references below `out`, or as `latest`:
+/// the cell that started or ended last in the experiment that was run last.
 ///
 /// # Errors
 /// When no run or more than one matches, or a file of it cannot be read.
@@ -172,8 +199,14 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
     if given.join("plan.json").is_file() {
         return Err(missing("that is an experiment's folder; `lumbre ls` lists its runs"));
     }
+    if what == "latest" {
+        let run = latest_run(out).ok_or_else(|| missing("nothing has been rendered there yet"))?;
+        return record(&run);
+    }
     if what.is_empty() || !what.bytes().all(|b| b.is_ascii_hexdigit()) {
-        return Err(missing("expected a run's folder or the first digits of its id; `lumbre ls` lists them"));
+        return Err(missing(
+            "expected a run's folder, the first digits of its id, or `latest`; `lumbre ls` lists them",
+        ));
     }
     let prefix = what.to_ascii_lowercase();
     let named = |run: &PathBuf| run.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with(&prefix));
@@ -192,7 +225,8 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
 }
 
 fn record(folder: &Path) -> Result<RunRecord, StoreError> {
-    let broken = |name: &str, reason: String| StoreError::Io { action: "read", path: folder.join(name), reason };
+    let broken =
+        |name: &str, reason: String| StoreError::Io { action: "read", path: folder.join(name), reason, full: false };
     let config = read_json(&folder.join("config.json"))
         .ok_or_else(|| broken("config.json", "it is not whole JSON".to_owned()))?;
     let done = read_json(&folder.join("done.json")).or_else(|| read_json(&folder.join("ref.json")));

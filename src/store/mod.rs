@@ -6,6 +6,7 @@
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
 //!                                    films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png ref.json
+//! out/index.sqlite      what finished runs say, a cache that is made anew from the folders
 //! ```
 //!
 //! Folders are the truth: whether a run is done is whether its `done.json` (for a reference, `ref.json`) is there,
@@ -15,25 +16,38 @@
 //! This room knows no image format: pictures come and go as bytes, and the decoder is handed in.
 
 mod archive;
+mod checkpoint;
+mod claim;
+mod condition;
 mod describe;
 mod experiment;
+mod failure;
+mod follow;
 mod host;
+mod index;
 mod journal;
 mod layout;
 mod list;
+mod outline;
 pub mod rows;
 mod run;
+mod seal;
+mod tail;
 #[cfg(test)]
 mod tests;
 mod write;
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 pub use archive::{Archive, Decode};
+pub use condition::{Condition, condition};
 pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
-pub use host::{Host, utc};
-pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
+pub use failure::{FailureRecord, LOG_LINES};
+pub use follow::{Follower, Seen, Sight};
+pub use host::{Host, seconds_of, utc};
+pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
 pub use run::{FILMS, RunWriter};
 pub use write::{atomic, probe};
 
@@ -51,14 +65,6 @@ pub enum StoreError {
         /// What the system said.
         reason: String,
     },
-    /// Another process is at work in the same experiment folder.
-    #[error("{} is in use by another lumbre{holder}; wait for it to end, or use another --out DIR", folder.display())]
-    Locked {
-        /// The folder.
-        folder: PathBuf,
-        /// ` (process N)`, or nothing if it cannot be known.
-        holder: String,
-    },
     /// A file operation failed.
     #[error("cannot {action} {}: {reason}", path.display())]
     Io {
@@ -68,6 +74,8 @@ pub enum StoreError {
         path: PathBuf,
         /// What the system said.
         reason: String,
+        /// Whether there was no space left: it may come back.
+        full: bool,
     },
     /// No run matches.
     #[error("no run matches `{what}` in {}{hint}", out.display())]
@@ -92,6 +100,12 @@ pub enum StoreError {
 impl StoreError {
     /// The error of a failed file operation.
     fn io(action: &'static str, path: &std::path::Path, error: &std::io::Error) -> StoreError {
-        StoreError::Io { action, path: path.to_owned(), reason: error.to_string() }
+        let full = matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
+        StoreError::Io { action, path: path.to_owned(), reason: error.to_string(), full }
+    }
+
+    /// Whether the disk, or a quota on it, is full.
+    pub fn is_full(&self) -> bool {
+        matches!(self, StoreError::Io { full: true, .. })
     }
 }

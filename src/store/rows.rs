@@ -55,12 +55,20 @@ pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
     Ok((columns[FIXED.len()..].to_vec(), rows))
 }
 
+/// Reads further lines of a file whose header was read before. Lines that are no rows are left out.
+pub fn parse_more(text: &str) -> Vec<WaveRow> {
+    text.lines().filter_map(|line| row(line, line.split(',').count()).ok()).collect()
+}
+
 fn row(line: &str, width: usize) -> Result<WaveRow, String> {
     let cells: Vec<&str> = line.split(',').collect();
     if cells.len() != width {
         return Err(format!("expected {width} values, found {}", cells.len()));
     }
     let count = |i: usize| cells[i].parse::<u64>().map_err(|_| format!("`{}` is no count ({})", cells[i], FIXED[i]));
+    if width < FIXED.len() {
+        return Err(format!("expected at least {} values, found {width}", FIXED.len()));
+    }
     let number = |i: usize| cells[i].parse::<f64>().map_err(|_| format!("`{}` is no number", cells[i]));
     Ok(WaveRow {
         wave: count(0)?,
@@ -141,6 +149,13 @@ mod tests {
                 Err(_) => assert_eq!(kept, 0),
             }
         }
+    }
+
+    #[test]
+    fn further_lines_need_no_header() {
+        let (first, second) = (sample_row(1, &[0.5]), sample_row(2, &[0.25]));
+        let text = line(&first) + "torn,1\nx,1,2,3,4,5,6,7\n" + &line(&second);
+        assert_eq!(parse_more(&text), [first, second]);
     }
 
     #[test]

@@ -1,15 +1,19 @@
 //! The measurements of one run, thinned so that a night of waves takes no more memory than a minute of them.
 
+use std::sync::Arc;
+
 use crate::experiment::WaveRow;
 
 /// Most rows that a curve holds.
 pub const CAPACITY: usize = 4096;
+/// Most rows of a thinned curve.
+pub const THIN: usize = 128;
 
 /// Measurements of a run in the order of time. When there are more than [`CAPACITY`], every other one is forgotten,
 /// but never the first or the last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
-    rows: Vec<WaveRow>,
+    rows: Vec<Arc<WaveRow>>,
 }
 
 impl Curve {
@@ -17,44 +21,57 @@ impl Curve {
     pub fn of(rows: &[WaveRow]) -> Curve {
         let mut curve = Curve::default();
         for row in rows {
-            curve.push(row.clone());
+            curve.push(Arc::new(row.clone()));
         }
         curve
     }
 
     /// Adds the newest measurement.
-    pub fn push(&mut self, row: WaveRow) {
+    pub fn push(&mut self, row: Arc<WaveRow>) {
         if self.rows.len() >= CAPACITY {
-            let last = self.rows.len() - 1;
-            let mut place = 0;
-            self.rows.retain(|_| {
-                let keep = place % 2 == 0 || place == last;
-                place += 1;
-                keep
-            });
+            self.halve();
         }
         self.rows.push(row);
     }
 
+    fn halve(&mut self) {
+        let last = self.rows.len().saturating_sub(1);
+        let mut place = 0;
+        self.rows.retain(|_| {
+            let keep = place % 2 == 0 || place == last;
+            place += 1;
+            keep
+        });
+    }
+
+    /// The curve with at most [`THIN`] rows, for a curve behind others.
+    pub fn thinned(&self) -> Curve {
+        let mut curve = self.clone();
+        while curve.rows.len() > THIN {
+            curve.halve();
+        }
+        curve
+    }
+
     /// The measurements, oldest first.
-    pub fn rows(&self) -> &[WaveRow] {
-        &self.rows
+    pub fn rows(&self) -> impl DoubleEndedIterator<Item = &WaveRow> + ExactSizeIterator {
+        self.rows.iter().map(Arc::as_ref)
     }
 
     /// The newest measurement.
     pub fn last(&self) -> Option<&WaveRow> {
-        self.rows.last()
+        self.rows.last().map(Arc::as_ref)
     }
 
-    /// The exponent `b` of `error = a * x^b` fitted by least squares over the last three doublings of `x`, where `x`
-    /// is a positive number of each row and the error its metric `column`. Monte Carlo promises -1/2 for an RMSE.
-    /// `None` with fewer than four usable rows or without spread.
-    pub fn slope(&self, column: usize, x: impl Fn(&WaveRow) -> f64) -> Option<f64> {
+    /// The power law `y = a * x^b` fitted by least squares over the last three doublings of `x`, as `(ln a, b)`; `x` and
+    /// `y` are positive numbers of each row. Monte Carlo promises `b = -1/2` for an RMSE over samples. `None` with fewer
+    /// than four usable rows or without spread.
+    pub fn fit(&self, x: impl Fn(&WaveRow) -> f64, y: impl Fn(&WaveRow) -> Option<f64>) -> Option<(f64, f64)> {
         let usable = |row: &WaveRow| {
-            let (x, y) = (x(row), *row.metrics.get(column)?);
+            let (x, y) = (x(row), y(row)?);
             (x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()).then(|| (x.ln(), y.ln()))
         };
-        let points: Vec<(f64, f64)> = self.rows.iter().filter_map(usable).collect();
+        let points: Vec<(f64, f64)> = self.rows().filter_map(usable).collect();
         let from = points.last()?.0 - 8f64.ln() - 1e-9;
         let tail: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 >= from).collect();
         if tail.len() < 4 {
@@ -64,7 +81,13 @@ impl Curve {
         let (mean_x, mean_y) = (tail.iter().map(|p| p.0).sum::<f64>() / n, tail.iter().map(|p| p.1).sum::<f64>() / n);
         let spread: f64 = tail.iter().map(|p| (p.0 - mean_x).powi(2)).sum();
         let product: f64 = tail.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
-        (spread > 1e-12).then(|| product / spread)
+        let slope = (spread > 1e-12).then(|| product / spread)?;
+        Some((mean_y - slope * mean_x, slope))
+    }
+
+    /// The exponent of [`Curve::fit`] for the metric `column`.
+    pub fn slope(&self, column: usize, x: impl Fn(&WaveRow) -> f64) -> Option<f64> {
+        self.fit(x, |row| row.metrics.get(column).copied()).map(|(_, slope)| slope)
     }
 }
 
@@ -80,12 +103,15 @@ mod tests {
     fn a_long_night_stays_within_the_capacity_and_keeps_its_ends() {
         let mut curve = Curve::default();
         for i in 1..=100_000u64 {
-            curve.push(row(i, 1.0));
+            curve.push(Arc::new(row(i, 1.0)));
             assert!(curve.rows().len() <= CAPACITY);
-            assert_eq!(curve.rows()[0].samples, 1);
+            assert_eq!(curve.rows().next().unwrap().samples, 1);
             assert_eq!(curve.last().unwrap().samples, i);
         }
         assert!(curve.rows().is_sorted_by(|a, b| a.samples < b.samples));
+        let thin = curve.thinned();
+        assert!(thin.rows().len() <= THIN && thin.rows().len() > THIN / 4);
+        assert_eq!((thin.rows().next(), thin.last()), (curve.rows().next(), curve.last()));
         assert!(curve.rows().len() > CAPACITY / 4);
     }
 

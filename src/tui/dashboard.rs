@@ -1,5 +1,8 @@
 //! The dashboard: a sink that keeps the newest state, and a thread of its own that owns the terminal and draws it.
 //!
+//! The same dashboard shows a night that another process renders: then somebody tells the model what the files say, and
+//! no key reaches that night.
+//!
 //! Rendering never waits for the terminal. [`Dashboard::hear`](crate::experiment::Sink::hear) folds an event into the
 //! shared model and returns; the thread copies out what changed at most ten times a second. A slow terminal loses
 //! frames, a terminal that has gone away ends the thread, and neither is an error of the night.
@@ -8,7 +11,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Stdout, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use crossterm::event::{self, KeyEvent};
 use crossterm::{cursor, execute, queue, terminal};
@@ -17,10 +20,11 @@ use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 
 use super::guard::Guard;
-use super::look::Look;
+use super::look::{Graphics, Look};
 use super::model::Model;
 use super::panes;
-use super::view::{Command, View};
+use super::view::{Command, View, Wishes};
+use crate::experiment::event::Level;
 use crate::experiment::{Control, Event, Sink, SinkError};
 
 /// Shortest time between two frames.
@@ -52,37 +56,59 @@ impl Shared {
     }
 }
 
+/// Whose night it is.
+#[derive(Clone, Debug)]
+pub enum Role {
+    /// This process's; keys act through the control.
+    Run(Arc<Control>),
+    /// Another's; keys act on the screen alone. Times are seconds since 1970.
+    Watch,
+}
+
+/// Seconds on the listener's clock.
+#[derive(Clone, Copy, Debug)]
+enum Clock {
+    Since(Instant),
+    Unix,
+}
+
+impl Clock {
+    fn now_s(self) -> f64 {
+        match self {
+            Clock::Since(start) => start.elapsed().as_secs_f64(),
+            Clock::Unix => SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64()),
+        }
+    }
+}
+
 /// The dashboard on the terminal that standard output is.
 #[derive(Debug)]
 pub struct Dashboard {
     shared: Arc<Shared>,
-    start: Instant,
+    clock: Clock,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Dashboard {
     /// Takes the terminal (raw mode, alternate screen) and starts the thread `dashboard` that draws on it.
     ///
-    /// Keys act through `control`. The second wish to stop gives the terminal back and calls `leave_now` on that
-    /// thread; if it returns, the night goes on without a dashboard.
+    /// The second wish to stop a night of this process (the first to leave another's) gives the terminal back and calls
+    /// `leave_now` on that thread; if it returns, the night goes on without a dashboard.
     ///
     /// # Errors
     /// When there is no terminal that can be taken, or no thread can be started; the terminal is then as before.
-    pub fn start(control: Arc<Control>, leave_now: LeaveNow) -> io::Result<Dashboard> {
+    pub fn start(role: Role, leave_now: LeaveNow) -> io::Result<Dashboard> {
         let shared = Arc::new(Shared::default());
-        let start = Instant::now();
+        let clock = match role {
+            Role::Run(_) => Clock::Since(Instant::now()),
+            Role::Watch => Clock::Unix,
+        };
         let guard = Guard::take(enter, restore)?;
         let look = Look::from_env(&|name| std::env::var(name).ok());
         let terminal = open_terminal()?;
-        let screen = Screen {
-            terminal,
-            guard,
-            keys: Keys::new(),
-            view: View::new(look),
-            control,
-            shared: shared.clone(),
-            start,
-        };
+        let view = View { watching: matches!(role, Role::Watch), ..View::new(look) };
+        let graphics = Graphics::from_env(&|name| std::env::var(name).ok());
+        let screen = Screen { terminal, guard, keys: Keys::new(), view, graphics, role, shared: shared.clone(), clock };
         let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(move || {
             // Tone mapping uses rayon. With this thread as a pool of its own it stays here, instead of queueing behind
             // the tiles of a wave, where keys would wait with it. Without such a pool it is slower, not wrong.
@@ -92,7 +118,22 @@ impl Dashboard {
                 leave_now();
             }
         })?;
-        Ok(Dashboard { shared, start, thread: Some(thread) })
+        Ok(Dashboard { shared, clock, thread: Some(thread) })
+    }
+
+    /// Changes the model of a night that is told by somebody else than its events.
+    pub fn tell(&self, change: impl FnOnce(&mut Model)) {
+        change(&mut self.shared.model());
+    }
+
+    /// Whether the drawing thread has ended: the user left, or the terminal is gone.
+    pub fn is_over(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// What can put lines into the log pane, from any thread.
+    pub fn voice(&self) -> Voice {
+        Voice { shared: Arc::clone(&self.shared), clock: self.clock }
     }
 
     /// Ends the thread and gives the terminal back.
@@ -110,6 +151,21 @@ impl Dashboard {
     }
 }
 
+/// Puts lines into the log pane.
+#[derive(Clone, Debug)]
+pub struct Voice {
+    shared: Arc<Shared>,
+    clock: Clock,
+}
+
+impl Voice {
+    /// Says something that is not about a cell.
+    pub fn say(&self, level: Level, text: &str) {
+        let at_s = self.clock.now_s();
+        self.shared.model().say(level, None, text, at_s);
+    }
+}
+
 impl Drop for Dashboard {
     fn drop(&mut self) {
         self.close();
@@ -118,7 +174,7 @@ impl Drop for Dashboard {
 
 impl Sink for Dashboard {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
-        let at_s = self.start.elapsed().as_secs_f64();
+        let at_s = self.clock.now_s();
         self.shared.model().hear(event, at_s);
         Ok(())
     }
@@ -156,19 +212,19 @@ struct Screen {
     guard: Guard,
     keys: Keys,
     view: View,
-    control: Arc<Control>,
+    graphics: Graphics,
+    role: Role,
     shared: Arc<Shared>,
-    start: Instant,
+    clock: Clock,
 }
 
 /// What a frame shows that can change without an event; a frame with the same facts needs no drawing.
 #[derive(Clone, Copy, PartialEq)]
 struct Shown {
     revision: u64,
-    second: u64,
+    tick: u64,
     size: (u16, u16),
-    paused: bool,
-    stopping: bool,
+    wishes: Wishes,
 }
 
 impl Screen {
@@ -219,36 +275,59 @@ impl Screen {
 
     fn facts(&self) -> io::Result<Shown> {
         let size = terminal::size()?;
-        let (paused, stopping) = (self.control.paused(), self.control.stop_requested());
+        let now_s = self.clock.now_s();
         let model = self.shared.model();
-        // A night that is over has no clock that ticks.
-        let ticks = model.finished_s.is_none();
-        let second = if ticks { self.start.elapsed().as_secs() } else { 0 };
-        Ok(Shown { revision: model.revision, second, size, paused, stopping })
+        Ok(Shown { revision: model.revision, tick: self.view.tick(&model, now_s), size, wishes: self.wishes() })
+    }
+
+    fn wishes(&self) -> Wishes {
+        match &self.role {
+            Role::Run(control) => Wishes::of(control),
+            Role::Watch => Wishes::default(),
+        }
     }
 
     /// Acts on a key; whether to leave at once.
     fn press(&mut self, key: KeyEvent) -> io::Result<bool> {
         let (width, height) = terminal::size()?;
         let area = Rect::new(0, 0, width, height);
-        let command = self.view.key(key, &self.shared.model(), area);
+        self.view.now_s = self.clock.now_s();
+        self.view.wishes = self.wishes();
+        let Some(command) = self.view.key(key, &self.shared.model(), area) else { return Ok(false) };
+        let control = match &self.role {
+            Role::Run(control) => control,
+            Role::Watch => return Ok(command == Command::Stop),
+        };
         match command {
-            Some(Command::Stop) => return Ok(self.control.request_stop() >= 2),
-            Some(Command::Pause) => {
-                self.control.toggle_pause();
+            Command::Stop => return Ok(control.request_stop() >= 2),
+            Command::StopAfterCell => {
+                control.toggle_stop_after_cell();
             }
-            Some(Command::Skip) => self.control.request_skip(),
-            None => {}
+            Command::Pause(Some(paused)) => control.set_paused(paused),
+            Command::Pause(None) => {
+                control.toggle_pause();
+            }
+            Command::PauseAt(limit) => control.set_pause_at(limit),
+            Command::Skip => control.request_skip(),
+            Command::Restart => control.request_restart(),
         }
         Ok(false)
     }
 
     fn draw(&mut self) -> io::Result<()> {
-        self.view.now_s = self.start.elapsed().as_secs_f64();
-        self.view.paused = self.control.paused();
-        self.view.stopping = self.control.stop_requested();
+        self.view.now_s = self.clock.now_s();
+        self.view.wishes = self.wishes();
         // Reducing the picture takes a while, writing may take for ever: neither happens under the lock.
         let model = self.shared.model().clone();
+        if !self.view.watching {
+            let device = model.current.as_ref().map_or("", |current| current.open.device.as_str());
+            self.view.gauges.borrow_mut().refresh(device);
+        }
+        if self.graphics != Graphics::Blocks {
+            // Asked of the system, not of the terminal; without an answer pictures are blocks.
+            let cell = terminal::window_size().ok().filter(|s| s.columns > 0 && s.rows > 0);
+            self.view.graphics = (self.graphics, cell.map_or([0, 0], |s| [s.width / s.columns, s.height / s.rows]));
+        }
         let (terminal, view) = (&mut self.terminal, &self.view);
         let written = self.guard.write(|| {
             queue!(terminal.backend_mut(), terminal::BeginSynchronizedUpdate)?;

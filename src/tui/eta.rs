@@ -1,14 +1,81 @@
 //! How much of a stop rule is behind a run, and how long the rest will take.
 
+use super::curve::Curve;
+use crate::experiment::stop::Comparison;
 use crate::experiment::{StopRule, WaveRow};
+use crate::metrics::{Better, MetricSpec};
 
 /// Time that is left.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Eta {
     /// Seconds.
     pub seconds: f64,
-    /// Whether it may well be less: another part of the rule, such as a metric's threshold, may hold before.
+    /// Whether it may well be less: another part of the rule, such as a function of the script, may hold before.
     pub at_most: bool,
+    /// Whether it is a forecast, from a power law fitted to the error so far.
+    pub forecast: bool,
+}
+
+impl Eta {
+    /// This and then that.
+    pub fn then(self, next: Eta) -> Eta {
+        Eta {
+            seconds: self.seconds + next.seconds,
+            at_most: self.at_most || next.at_most,
+            forecast: self.forecast || next.forecast,
+        }
+    }
+}
+
+/// How an error falls: a power law of render time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fall {
+    /// Logarithm of the error after one second.
+    pub ln_a: f64,
+    /// The exponent.
+    pub slope: f64,
+    /// The value at which the error would be zero, and whether the metric grows towards it.
+    perfect: Option<f64>,
+    /// Whether the metric is ten to twenty times the logarithm of the inverse error, in dB.
+    decibel: bool,
+}
+
+impl Fall {
+    /// What the law is about: a number that falls to zero, from a metric's value.
+    fn error(perfect: Option<f64>, decibel: bool, value: f64) -> f64 {
+        match perfect {
+            _ if decibel => 10f64.powf(-value / 20.0),
+            Some(perfect) => perfect - value,
+            None => value,
+        }
+    }
+
+    /// Render seconds after which the metric compares with `value` in this way; `None` if it never will by this law.
+    pub fn reaches(&self, op: Comparison, value: f64) -> Option<f64> {
+        let rising = self.decibel || self.perfect.is_some();
+        let wanted = match op {
+            Comparison::Less | Comparison::LessEqual => !rising,
+            Comparison::Greater | Comparison::GreaterEqual => rising,
+        };
+        let error = Fall::error(self.perfect, self.decibel, value);
+        let sound = wanted && error > 0.0 && self.slope < -0.02;
+        let seconds = ((error.ln() - self.ln_a) / self.slope).exp();
+        (sound && seconds.is_finite()).then_some(seconds)
+    }
+}
+
+/// How the metric of a column falls, or rises to its best, over the last three doublings of render time.
+pub fn fit(curve: &Curve, metrics: &[MetricSpec], column: &str) -> Option<Fall> {
+    let place = metrics.iter().position(|m| m.column == column)?;
+    let row = metrics[place].row;
+    let rising = row.better == Better::Higher;
+    let (decibel, perfect) = (rising && row.unit == "dB", (rising && row.perfect.is_finite()).then_some(row.perfect));
+    if rising && !decibel && perfect.is_none() {
+        return None;
+    }
+    let error = |row: &WaveRow| Some(Fall::error(perfect, decibel, *row.metrics.get(place)?));
+    let (ln_a, slope) = curve.fit(|row| row.render_s, error)?;
+    Some(Fall { ln_a, slope, perfect, decibel })
 }
 
 /// The part of `rule` that is behind the run, in `0..=1`, as far as time, samples and waves tell.
@@ -26,26 +93,31 @@ pub fn fraction(rule: &StopRule, row: &WaveRow) -> Option<f64> {
     }
 }
 
-/// The render time that is left to a run, from the limits of time and samples; waves grow, so their count tells
-/// nothing about time.
-pub fn render_left(rule: &StopRule, row: &WaveRow) -> Option<Eta> {
-    let sure = |seconds: f64| Some(Eta { seconds: seconds.max(0.0), at_most: false });
+/// The render time that is left to a run, from the limits of time and samples, and from how errors fall where that is
+/// known; waves grow, so their count tells nothing about time.
+pub fn render_left(rule: &StopRule, row: &WaveRow, fall: &dyn Fn(&str) -> Option<Fall>) -> Option<Eta> {
+    let sure = |seconds: f64| Some(Eta { seconds: seconds.max(0.0), ..Eta::default() });
     match rule {
         StopRule::Time(s) => sure(s - row.render_s),
         StopRule::Samples(n) if row.samples > 0 => {
             sure(n.saturating_sub(row.samples) as f64 * row.render_s / row.samples as f64)
         }
+        StopRule::When { column, op, value, .. } => {
+            let seconds = (fall(column)?.reaches(*op, *value)? - row.render_s).max(0.0);
+            Some(Eta { seconds, at_most: false, forecast: true })
+        }
         StopRule::Any(rules) => {
-            let known: Vec<Eta> = rules.iter().filter_map(|r| render_left(r, row)).collect();
-            let least = known.iter().map(|eta| eta.seconds).reduce(f64::min)?;
+            let known: Vec<Eta> = rules.iter().filter_map(|r| render_left(r, row, fall)).collect();
+            let least = known.iter().copied().reduce(|a, b| if b.seconds < a.seconds { b } else { a })?;
             // An invalid sample is an accident that nobody expects; it does not make the estimate less sure.
-            let open = rules.iter().any(|r| !matches!(r, StopRule::Nan(_)) && render_left(r, row).is_none());
-            Some(Eta { seconds: least, at_most: open || known.iter().any(|eta| eta.at_most) })
+            let open = rules.iter().any(|r| !matches!(r, StopRule::Nan(_)) && render_left(r, row, fall).is_none());
+            Some(Eta { at_most: least.at_most || open, ..least })
         }
         StopRule::All(rules) => {
-            rules.iter().map(|r| render_left(r, row)).try_fold(Eta { seconds: 0.0, at_most: false }, |most, eta| {
+            rules.iter().map(|r| render_left(r, row, fall)).try_fold(Eta::default(), |most, eta| {
                 let eta = eta?;
-                Some(Eta { seconds: most.seconds.max(eta.seconds), at_most: most.at_most || eta.at_most })
+                let later = if eta.seconds > most.seconds { eta } else { most };
+                Some(Eta { at_most: most.at_most || eta.at_most, forecast: most.forecast || eta.forecast, ..later })
             })
         }
         _ => None,
@@ -79,16 +151,42 @@ mod tests {
 
     #[test]
     fn the_rest_follows_from_the_speed_so_far() {
-        let left = |rule| render_left(&rule, &row());
-        assert_eq!(left(StopRule::Samples(256)), Some(Eta { seconds: 6.0, at_most: false }));
-        assert_eq!(left(StopRule::Time(1.0)), Some(Eta { seconds: 0.0, at_most: false }));
+        let left = |rule| render_left(&rule, &row(), &|_| None);
+        assert_eq!(left(StopRule::Samples(256)), Some(Eta { seconds: 6.0, at_most: false, forecast: false }));
+        assert_eq!(left(StopRule::Time(1.0)), Some(Eta { seconds: 0.0, at_most: false, forecast: false }));
         let any = StopRule::Any(vec![StopRule::Samples(256), threshold(), StopRule::Time(4.0)]);
-        assert_eq!(left(any), Some(Eta { seconds: 2.0, at_most: true }));
+        assert_eq!(left(any), Some(Eta { seconds: 2.0, at_most: true, forecast: false }));
         let all = StopRule::All(vec![StopRule::Samples(256), StopRule::Time(4.0)]);
-        assert_eq!(left(all), Some(Eta { seconds: 6.0, at_most: false }));
+        assert_eq!(left(all), Some(Eta { seconds: 6.0, at_most: false, forecast: false }));
         let guarded = StopRule::Any(vec![StopRule::Samples(256), StopRule::Nan(1)]);
-        assert_eq!(left(guarded), Some(Eta { seconds: 6.0, at_most: false }));
+        assert_eq!(left(guarded), Some(Eta { seconds: 6.0, at_most: false, forecast: false }));
         assert_eq!(left(threshold()), None);
-        assert_eq!(render_left(&StopRule::Samples(8), &WaveRow::default()), None);
+        assert_eq!(render_left(&StopRule::Samples(8), &WaveRow::default(), &|_| None), None);
+    }
+
+    #[test]
+    fn a_threshold_is_forecast_from_how_the_error_falls() {
+        let metrics: Vec<MetricSpec> =
+            ["rmse", "psnr"].map(|name| MetricSpec::new(name, name, Default::default()).unwrap()).into();
+        let rows: Vec<WaveRow> = (0..12)
+            .map(|k| {
+                let render_s = f64::from(1 << k) * 0.01;
+                let rmse = 0.2 / render_s.sqrt();
+                WaveRow { samples: 1 << k, render_s, metrics: vec![rmse, -20.0 * rmse.log10()], ..WaveRow::default() }
+            })
+            .collect();
+        let (curve, row) = (Curve::of(&rows), rows.last().unwrap());
+        let falls = |column: &str| fit(&curve, &metrics, column);
+        let when = |column: &str, op, value| StopRule::When { column: column.into(), op, value, hold: 1 };
+        // 0.2 / sqrt(t) is 0.02 at t = 100 s, which is 34 dB less 0.02.
+        for rule in [when("rmse", Comparison::Less, 0.02), when("psnr", Comparison::Greater, -20.0 * 0.02f64.log10())] {
+            let eta = render_left(&rule, row, &falls).unwrap();
+            assert!(eta.forecast && (eta.seconds - (100.0 - row.render_s)).abs() < 1e-6, "{rule:?} {eta:?}");
+        }
+        let race = StopRule::Any(vec![when("rmse", Comparison::Less, 0.02), StopRule::Time(60.0)]);
+        let eta = render_left(&race, row, &falls).unwrap();
+        assert!(!eta.forecast && (eta.seconds - (60.0 - row.render_s)).abs() < 1e-9, "the limit comes first");
+        assert_eq!(render_left(&when("rmse", Comparison::Greater, 1.0), row, &falls), None, "it falls");
+        assert_eq!(render_left(&when("ssim", Comparison::Greater, 0.9), row, &falls), None, "not measured");
     }
 }

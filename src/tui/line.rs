@@ -2,16 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::time::Instant;
 
-use super::model::{Counts, Model, State};
+use super::entry::{Counts, State};
+use super::model::Model;
 use super::words;
 use crate::experiment::event::Level;
-use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::transport::integrator;
 
 /// Longest wall time of a running cell without a line, in seconds.
 const SILENCE_S: f64 = 10.0;
+/// Wall time between two summaries of the night, in seconds.
+const SUMMARY_S: f64 = 60.0;
 /// Shortest wall time between two lines about powers of two, in seconds.
 const MILESTONE_S: f64 = 2.0;
 
@@ -31,7 +34,14 @@ pub struct LineSink {
     model: Model,
     /// Wall time of every running cell at its last line.
     spoken: BTreeMap<CellRef, f64>,
+    /// Seconds on a monotonic clock.
+    clock: Clock,
+    /// When the night was summed up last.
+    summed_s: f64,
 }
+
+/// Seconds on a monotonic clock, from any beginning.
+pub type Clock = Box<dyn Fn() -> f64 + Send>;
 
 /// SGR colours of the lines.
 #[derive(Clone, Copy)]
@@ -46,7 +56,14 @@ enum Ink {
 impl LineSink {
     /// A sink that writes to `writer` and flushes after every line.
     pub fn new(writer: Box<dyn Write + Send>, options: LineOptions) -> LineSink {
-        LineSink { writer: Some(writer), options, model: Model::default(), spoken: BTreeMap::new() }
+        let start = Instant::now();
+        LineSink::with_clock(writer, options, Box::new(move || start.elapsed().as_secs_f64()))
+    }
+
+    /// The same on a clock of the caller's.
+    pub fn with_clock(writer: Box<dyn Write + Send>, options: LineOptions, clock: Clock) -> LineSink {
+        let summed_s = clock();
+        LineSink { writer: Some(writer), options, model: Model::default(), spoken: BTreeMap::new(), clock, summed_s }
     }
 
     fn say(&mut self, ink: Ink, line: &str) {
@@ -92,7 +109,7 @@ impl LineSink {
             words::duration(row.render_s),
             words::number(row.mpaths_per_s())
         );
-        let metrics = self.model.plan.as_ref().map_or(&[][..], |plan| &plan.measure.metrics[..]);
+        let metrics = self.model.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
         for (spec, value) in metrics.iter().zip(&row.metrics) {
             facts.push_str(&format!("  {} {}", spec.column, words::measured(spec, *value)));
         }
@@ -114,13 +131,7 @@ impl LineSink {
     }
 
     fn started(&mut self, cell: CellRef, device: &str) {
-        let config = self.model.plan.as_ref().and_then(|plan| match cell {
-            CellRef::Cell(i) => plan.cells.get(i).map(|cell| cell.config.clone()),
-            CellRef::Reference(i) => match &plan.references.get(i)?.source {
-                ReferenceSource::Render { config, .. } => Some(config.clone()),
-                ReferenceSource::File(_) => None,
-            },
-        });
+        let config = self.model.plan.as_ref().and_then(|plan| plan.config(cell).cloned());
         let technique = config.map_or_else(String::new, |config| {
             let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
             format!("{} ({long}) on ", config.integrator)
@@ -153,7 +164,7 @@ impl LineSink {
         if !matches!(outcome, Outcome::Done(_)) || running || waiting == 0 {
             return;
         }
-        if let Some(eta) = self.model.night_eta(0.0) {
+        if let Some(eta) = self.model.night_eta((self.clock)()) {
             let at_most = if eta.at_most { "at most " } else { "about " };
             let line = format!("{} to go, {at_most}{}", plural(waiting, "cell"), words::duration(eta.seconds));
             self.talk(Ink::Dim, &line);
@@ -172,6 +183,37 @@ impl LineSink {
             let line = format!("{}  {}", self.name(cell), self.facts(row));
             self.talk(Ink::Plain, &line);
         }
+    }
+
+    /// Once a minute, the whole night on one line.
+    fn sum_up(&mut self) {
+        let now_s = (self.clock)();
+        if now_s - self.summed_s < SUMMARY_S || self.model.finished_s.is_some() {
+            return;
+        }
+        self.summed_s = now_s;
+        let Some(plan) = &self.model.plan else { return };
+        let counts = Counts::of(&self.model.cells);
+        let digits: String = plan.hash.chars().take(4).collect();
+        let mut parts = vec![format!("{} of {}", counts.settled(), plural(counts.total(), "cell"))];
+        let references = Counts::of(&self.model.references);
+        if references.settled() < references.total() {
+            parts.push(format!("{} of {}", references.settled(), plural(references.total(), "reference")));
+        }
+        if counts.failed + references.failed > 0 {
+            parts.push(format!("{} failed", counts.failed + references.failed));
+        }
+        parts.push(format!("{} elapsed", words::duration(self.model.night_s(now_s))));
+        if let Some(eta) = self.model.night_eta(now_s) {
+            let sign = if eta.at_most { "at most" } else { "about" };
+            parts.push(format!("{sign} {} left", words::duration(eta.seconds)));
+        }
+        let current = self.model.current.as_ref().filter(|current| current.running);
+        if let Some(current) = current {
+            parts.push(format!("now {}", words::cell_name(plan, current.cell)));
+        }
+        let line = words::clean(&format!("night {}-{digits}: {}", plan.name, parts.join(", ")));
+        self.talk(Ink::Plain, &line);
     }
 
     fn end(&mut self) {
@@ -203,8 +245,8 @@ fn plural(n: usize, noun: &str) -> String {
 
 impl Sink for LineSink {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
-        // Lines need no clock of their own: the rows carry the wall time.
-        self.model.hear(event, 0.0);
+        let now_s = (self.clock)();
+        self.model.hear(event, now_s);
         match event {
             Event::NightStarted { plan } => self.night(plan),
             Event::CellStarted { cell, open, .. } => {
@@ -226,6 +268,7 @@ impl Sink for LineSink {
             }
             Event::NightFinished => self.end(),
         }
+        self.sum_up();
         Ok(())
     }
 }

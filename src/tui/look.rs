@@ -50,6 +50,52 @@ pub enum Colors {
     True,
 }
 
+/// How pictures are shown. `tmux` says that they have to be handed through tmux, which must allow it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Graphics {
+    /// Two pixels in each character cell.
+    Blocks,
+    /// The protocol of kitty, with placeholders.
+    Kitty {
+        /// Whether tmux is in between.
+        tmux: bool,
+    },
+    /// Sixels.
+    Sixel {
+        /// Whether tmux is in between.
+        tmux: bool,
+    },
+    /// The protocol of iTerm2.
+    Iterm2 {
+        /// Whether tmux is in between.
+        tmux: bool,
+    },
+}
+
+impl Graphics {
+    /// What the environment says: `LUMBRE_GRAPHICS` (`blocks`, `kitty`, `sixel`, `iterm2`), or else the terminal's name.
+    /// Inside tmux and screen pictures are blocks unless that variable says otherwise.
+    pub fn from_env(env: &dyn Fn(&str) -> Option<String>) -> Graphics {
+        let term = env("TERM").unwrap_or_default();
+        let tmux = set(env, "TMUX") || term.starts_with("tmux");
+        match env("LUMBRE_GRAPHICS").as_deref() {
+            Some("kitty") => return Graphics::Kitty { tmux },
+            Some("sixel") => return Graphics::Sixel { tmux },
+            Some("iterm2") => return Graphics::Iterm2 { tmux },
+            Some("blocks") => return Graphics::Blocks,
+            _ if tmux || term.starts_with("screen") => return Graphics::Blocks,
+            _ => {}
+        }
+        match env("TERM_PROGRAM").as_deref() {
+            Some("ghostty") => Graphics::Kitty { tmux },
+            Some("iTerm.app" | "WezTerm") => Graphics::Iterm2 { tmux },
+            _ if set(env, "KITTY_WINDOW_ID") || term == "xterm-kitty" => Graphics::Kitty { tmux },
+            _ if term.starts_with("foot") || term == "mlterm" => Graphics::Sixel { tmux },
+            _ => Graphics::Blocks,
+        }
+    }
+}
+
 /// What the terminal can show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Look {
@@ -75,10 +121,18 @@ pub struct Glyphs {
     pub failed: &'static str,
     /// A cell that was interrupted.
     pub interrupted: &'static str,
+    /// A group whose cells follow.
+    pub open: &'static str,
+    /// A group whose cells do not.
+    pub closed: &'static str,
+    /// Where the next letter goes.
+    pub cursor: &'static str,
     /// Text that goes on.
     pub ellipsis: &'static str,
     /// At most.
     pub at_most: &'static str,
+    /// About.
+    pub about: &'static str,
     /// Between two facts on a line.
     pub separator: &'static str,
     /// The part of a gauge that is done.
@@ -102,8 +156,12 @@ const UNICODE: Glyphs = Glyphs {
     cached: "≡",
     failed: "✗",
     interrupted: "‖",
+    open: "▾",
+    closed: "▹",
+    cursor: "▏",
     ellipsis: "…",
     at_most: "≤",
+    about: "~",
     separator: " · ",
     bar: "━",
     track: "─",
@@ -120,8 +178,12 @@ const ASCII: Glyphs = Glyphs {
     cached: "=",
     failed: "x",
     interrupted: "!",
+    open: "v",
+    closed: ">",
+    cursor: "_",
     ellipsis: "..",
     at_most: "<=",
+    about: "~",
     separator: ", ",
     bar: "#",
     track: "-",
@@ -194,6 +256,11 @@ impl Look {
         self.color(Color::Rgb(255, 158, 61), Color::Indexed(215))
     }
 
+    /// The curves behind the current one, where colours can tell them apart.
+    pub(super) fn behind(&self) -> Option<Color> {
+        self.color(Color::Rgb(98, 98, 104), Color::Indexed(240)).fg
+    }
+
     /// What went well.
     pub(super) fn good(&self) -> Style {
         self.color(Color::Rgb(126, 196, 110), Color::Green)
@@ -248,6 +315,22 @@ mod tests {
         assert!(colored(true, &env(&[("TERM", "xterm"), ("NO_COLOR", "")])));
         assert!(!colored(true, &env(&[("TERM", "xterm"), ("CLICOLOR", "0")])));
         assert!(!colored(true, &env(&[("TERM", "dumb")])));
+    }
+
+    #[test]
+    fn pictures_are_blocks_under_tmux_unless_it_is_said() {
+        let graphics = |pairs| Graphics::from_env(&env(pairs));
+        assert_eq!(graphics(&[("TERM", "xterm-kitty")]), Graphics::Kitty { tmux: false });
+        assert_eq!(
+            graphics(&[("TERM", "xterm-256color"), ("TERM_PROGRAM", "WezTerm")]),
+            Graphics::Iterm2 { tmux: false }
+        );
+        assert_eq!(graphics(&[("TERM", "foot")]), Graphics::Sixel { tmux: false });
+        assert_eq!(graphics(&[("TERM", "xterm-256color")]), Graphics::Blocks);
+        assert_eq!(graphics(&[("TERM", "tmux-256color"), ("TMUX", "x"), ("KITTY_WINDOW_ID", "1")]), Graphics::Blocks);
+        let said = graphics(&[("TERM", "screen"), ("TMUX", "x"), ("LUMBRE_GRAPHICS", "sixel")]);
+        assert_eq!(said, Graphics::Sixel { tmux: true });
+        assert_eq!(graphics(&[("TERM", "xterm-kitty"), ("LUMBRE_GRAPHICS", "blocks")]), Graphics::Blocks);
     }
 
     #[test]

@@ -6,20 +6,28 @@
 //! terminal.
 
 pub mod axis;
+pub mod column;
+mod command;
 pub mod curve;
 mod dashboard;
+pub mod device;
+pub mod entry;
 pub mod eta;
 pub mod guard;
 pub mod line;
 pub mod look;
 pub mod model;
 pub mod panes;
+pub mod preview;
+pub mod rows;
+pub mod sharp;
+pub mod thumbs;
 pub mod view;
 pub mod words;
 
 #[cfg(test)]
 mod tests;
 
-pub use dashboard::{Dashboard, LeaveNow};
+pub use dashboard::{Dashboard, LeaveNow, Role, Voice};
 pub use line::{LineOptions, LineSink};
-pub use look::{Colors, Look, Mode, colored, wanted};
+pub use look::{Colors, Graphics, Look, Mode, colored, wanted};

@@ -3,102 +3,22 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use super::column::{Column, columns};
 use super::curve::Curve;
+use super::entry::{Entry, State, mean_wall_s};
 use super::eta::{self, Eta};
+use super::thumbs::{Thumb, Thumbs};
 use super::words;
 use crate::experiment::event::Level;
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellRef, Event, Outcome, Plan, StopRule, WaveRow};
+use crate::experiment::{CellConfig, CellRef, Event, Outcome, Outline, StopRule, WaveRow};
 use crate::film::SharedImage;
+use crate::film::layer::LayerImage;
 use crate::render::OpenStats;
 
 /// Messages that are kept.
 pub const MESSAGES: usize = 500;
-
-/// Where a cell or reference stands.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum State {
-    /// Its turn has not come.
-    #[default]
-    Waiting,
-    /// It renders.
-    Running,
-    /// Finished; the text says by which part of its stop rule.
-    Done(String),
-    /// An earlier night had finished it.
-    Cached,
-    /// It failed, for this reason.
-    Failed(String),
-    /// The night ended first.
-    Interrupted,
-}
-
-/// A cell or reference as the plan pane shows it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Entry {
-    /// Where it stands.
-    pub state: State,
-    /// Its newest measurement.
-    pub last: Option<WaveRow>,
-}
-
-/// How many cells (or references) there are in each state. The sum is their number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Waiting.
-    pub waiting: usize,
-    /// Running.
-    pub running: usize,
-    /// Done in this night.
-    pub done: usize,
-    /// Done by an earlier night.
-    pub cached: usize,
-    /// Failed.
-    pub failed: usize,
-    /// Interrupted.
-    pub interrupted: usize,
-}
-
-impl Counts {
-    /// Counts entries by their state.
-    pub fn of(entries: &[Entry]) -> Counts {
-        let mut counts = Counts::default();
-        for entry in entries {
-            match entry.state {
-                State::Waiting => counts.waiting += 1,
-                State::Running => counts.running += 1,
-                State::Done(_) => counts.done += 1,
-                State::Cached => counts.cached += 1,
-                State::Failed(_) => counts.failed += 1,
-                State::Interrupted => counts.interrupted += 1,
-            }
-        }
-        counts
-    }
-
-    /// Those that need nothing more: done, cached or failed.
-    pub fn settled(&self) -> usize {
-        self.done + self.cached + self.failed
-    }
-
-    /// All of them.
-    pub fn total(&self) -> usize {
-        self.settled() + self.waiting + self.running + self.interrupted
-    }
-}
-
-/// A column of the plan pane: an axis whose value differs between cells, or the number of the repeat.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Column {
-    /// The axis.
-    pub name: String,
-    /// Its value in every cell.
-    pub values: Vec<String>,
-    /// Columns of the terminal that name and values take.
-    pub width: usize,
-    /// Whether every value is a number, which stands to the right.
-    pub numeric: bool,
-}
+/// Finished cells whose curves are kept beside the current one.
+pub const PAST: usize = 6;
 
 /// The cell that renders, or the one that rendered last.
 #[derive(Clone, Debug)]
@@ -119,6 +39,8 @@ pub struct Current {
     pub heard_s: f64,
     /// Whether it still renders.
     pub running: bool,
+    /// What it renders, where the plan does not know.
+    pub config: Option<Arc<CellConfig>>,
 }
 
 /// A message in the log.
@@ -136,7 +58,7 @@ pub struct Message {
 #[derive(Clone, Debug, Default)]
 pub struct Model {
     /// The plan, once the night has begun.
-    pub plan: Option<Arc<Plan>>,
+    pub plan: Option<Arc<Outline>>,
     /// The state of every reference, in the order of the plan.
     pub references: Vec<Entry>,
     /// The state of every cell, in the order of the plan.
@@ -145,12 +67,18 @@ pub struct Model {
     pub columns: Arc<Vec<Column>>,
     /// The cell that renders or rendered last.
     pub current: Option<Current>,
+    /// The curves of the last [`PAST`] cells that ended after measuring, oldest first.
+    pub past: VecDeque<(CellRef, Arc<Curve>)>,
+    /// The films by strategy of the last cell that kept them.
+    pub thumbs: Option<Arc<Thumbs>>,
     /// The last [`MESSAGES`] messages, oldest first.
     pub messages: VecDeque<Message>,
     /// When the night began, in seconds on the listener's clock.
     pub started_s: Option<f64>,
     /// When it ended.
     pub finished_s: Option<f64>,
+    /// When anything was heard last.
+    pub heard_s: f64,
     /// Number of events heard.
     pub revision: u64,
 }
@@ -160,78 +88,171 @@ impl Model {
     ///
     /// Events about cells that the plan does not have are ignored, so that no order of events can do harm.
     pub fn hear(&mut self, event: &Event, at_s: f64) {
-        self.revision += 1;
         match event {
-            Event::NightStarted { plan } => {
-                *self = Model {
-                    references: vec![Entry::default(); plan.references.len()],
-                    cells: vec![Entry::default(); plan.cells.len()],
-                    columns: Arc::new(columns(plan)),
-                    plan: Some(plan.clone()),
-                    started_s: Some(at_s),
-                    messages: std::mem::take(&mut self.messages),
-                    revision: self.revision,
-                    ..Model::default()
-                };
-            }
-            Event::CellStarted { cell, open, reference } => {
-                let Some(entry) = self.entry_mut(*cell) else { return };
-                *entry = Entry { state: State::Running, last: None };
-                let mut current = Current::new(*cell, at_s);
-                current.open = open.clone();
-                current.reference = reference.clone();
-                self.current = Some(current);
+            Event::NightStarted { plan } => self.begin(Arc::new(Outline::of(plan)), at_s),
+            Event::CellStarted { cell, open, reference, resumed } => {
+                self.start(*cell, open.clone(), reference.clone(), at_s);
+                // What an earlier process measured of it.
+                for row in resumed.iter().flat_map(|rows| rows.iter()) {
+                    self.wave(*cell, row, 0.0, at_s);
+                }
             }
             Event::Wave { cell, row, measure_s, image, pow2: _ } => {
-                let Some(entry) = self.entry_mut(*cell) else { return };
-                *entry = Entry { state: State::Running, last: Some(row.clone()) };
-                let current = match &mut self.current {
-                    Some(current) if current.cell == *cell => current,
-                    other => other.insert(Current::new(*cell, at_s)),
-                };
-                current.curve.push(row.clone());
-                current.image = Some(image.clone());
-                current.measure_s += measure_s;
-                current.heard_s = at_s;
-                current.running = true;
+                self.wave(*cell, row, *measure_s, at_s);
+                self.picture(*cell, image.clone());
             }
-            Event::CellFinished { cell, outcome, film: _, layers: _, rows } => {
-                let Some(entry) = self.entry_mut(*cell) else { return };
-                entry.state = match outcome {
-                    Outcome::Done(reason) => State::Done(words::clean(reason)),
-                    Outcome::Cached(_) => State::Cached,
-                    Outcome::Failed(reason) => State::Failed(words::clean(reason)),
-                    Outcome::Interrupted => State::Interrupted,
-                };
-                if let Some(row) = rows.last() {
-                    entry.last = Some(row.clone());
-                }
-                if let Some(current) = &mut self.current
-                    && current.cell == *cell
-                {
-                    current.running = false;
-                    current.heard_s = at_s;
-                }
+            Event::CellFinished { cell, outcome, film: _, layers, rows } => {
+                self.finish(*cell, outcome, rows.last(), at_s);
+                self.layers(*cell, layers);
             }
-            Event::Message { level, cell, text } => {
-                let about = match (&self.plan, cell) {
-                    (Some(plan), Some(cell @ CellRef::Cell(_))) => format!("{}: ", words::cell_name(plan, *cell)),
-                    (Some(plan), Some(cell)) => format!("reference {}: ", words::cell_name(plan, *cell)),
-                    _ => String::new(),
-                };
-                if self.messages.len() >= MESSAGES {
-                    self.messages.pop_front();
-                }
-                let text = about + &words::clean(text);
-                self.messages.push_back(Message { at_ms: (at_s.max(0.0) * 1e3) as u64, level: *level, text });
-            }
-            Event::NightFinished => {
-                self.finished_s = Some(at_s);
-                if let Some(current) = &mut self.current {
-                    current.running = false;
-                }
-            }
+            Event::Message { level, cell, text } => self.say(*level, *cell, text, at_s),
+            Event::NightFinished => self.end(at_s),
         }
+    }
+
+    /// A night begins. Messages from before stay.
+    pub fn begin(&mut self, plan: Arc<Outline>, at_s: f64) {
+        *self = Model {
+            references: vec![Entry::default(); plan.references.len()],
+            cells: vec![Entry::default(); plan.cells.len()],
+            columns: Arc::new(columns(&plan)),
+            plan: Some(plan),
+            started_s: Some(at_s),
+            messages: std::mem::take(&mut self.messages),
+            revision: self.revision + 1,
+            heard_s: at_s,
+            ..Model::default()
+        };
+    }
+
+    /// Another night begins in the same folder: what the one before had done is there, the rest is open again.
+    pub fn begin_again(&mut self, at_s: f64) {
+        self.heard(at_s);
+        for entry in self.references.iter_mut().chain(&mut self.cells) {
+            entry.state = match entry.state {
+                State::Done(_) | State::Cached => State::Cached,
+                _ => State::Waiting,
+            };
+        }
+        (self.started_s, self.finished_s) = (Some(at_s), None);
+        if let Some(current) = &mut self.current {
+            current.running = false;
+        }
+    }
+
+    /// A cell opens, for the first time or once more.
+    pub fn start(&mut self, cell: CellRef, open: OpenStats, reference: Option<SharedImage>, at_s: f64) {
+        self.heard(at_s);
+        let Some(entry) = self.entry_mut(cell) else { return };
+        *entry = Entry { state: State::Running, last: None };
+        self.current = Some(Current { open, reference, ..Current::new(cell, at_s) });
+    }
+
+    /// A cell was measured.
+    pub fn wave(&mut self, cell: CellRef, row: &WaveRow, measure_s: f64, at_s: f64) {
+        self.heard(at_s);
+        let row = Arc::new(row.clone());
+        let Some(entry) = self.entry_mut(cell) else { return };
+        *entry = Entry { state: State::Running, last: Some(Arc::clone(&row)) };
+        let current = match &mut self.current {
+            Some(current) if current.cell == cell => current,
+            other => other.insert(Current::new(cell, at_s)),
+        };
+        current.curve.push(row);
+        current.measure_s += measure_s;
+        current.heard_s = at_s;
+        current.running = true;
+    }
+
+    /// There is a newer picture of the current cell.
+    pub fn picture(&mut self, cell: CellRef, image: SharedImage) {
+        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+            current.image = Some(image);
+        }
+    }
+
+    /// A cell ended; `last` is its last measurement.
+    pub fn finish(&mut self, cell: CellRef, outcome: &Outcome, last: Option<&WaveRow>, at_s: f64) {
+        self.heard(at_s);
+        let Some(entry) = self.entry_mut(cell) else { return };
+        entry.state = State::from(outcome);
+        if let Some(row) = last {
+            entry.last = Some(Arc::new(row.clone()));
+        }
+        let (level, text) = ended(outcome, last);
+        if let Some(text) = text {
+            self.note(level, Some(cell), &text, at_s);
+        }
+        let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) else { return };
+        current.running = false;
+        current.heard_s = at_s;
+        if current.curve.last().is_some_and(|row| !row.metrics.is_empty()) {
+            let curve = Arc::new(current.curve.thinned());
+            self.past.retain(|(other, _)| *other != cell);
+            if self.past.len() >= PAST {
+                self.past.pop_front();
+            }
+            self.past.push_back((cell, curve));
+        }
+    }
+
+    /// What the current cell renders, for a reader whose plan does not say it.
+    pub fn configured(&mut self, cell: CellRef, config: Arc<CellConfig>) {
+        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+            current.config = Some(config);
+        }
+    }
+
+    /// One more film of a strategy of a cell.
+    pub fn strategy(&mut self, cell: CellRef, thumb: Thumb) {
+        self.revision += 1;
+        let mut thumbs = match self.thumbs.take() {
+            Some(thumbs) if thumbs.cell == cell => thumbs,
+            _ => Arc::new(Thumbs { cell, films: Vec::new() }),
+        };
+        Arc::make_mut(&mut thumbs).films.push(thumb);
+        self.thumbs = Some(thumbs);
+    }
+
+    /// A cell kept films; those of its strategies are remembered as small pictures.
+    pub fn layers(&mut self, cell: CellRef, layers: &[LayerImage]) {
+        if let Some(thumbs) = Thumbs::of(cell, layers) {
+            self.thumbs = Some(Arc::new(thumbs));
+        }
+    }
+
+    /// Something is said, about a cell or the night.
+    pub fn say(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
+        self.heard(at_s);
+        self.note(level, cell, text, at_s);
+    }
+
+    /// Adds a line to the log.
+    fn note(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
+        let about = match (&self.plan, cell) {
+            (Some(plan), Some(cell @ CellRef::Cell(_))) => format!("{}: ", words::cell_name(plan, cell)),
+            (Some(plan), Some(cell)) => format!("reference {}: ", words::cell_name(plan, cell)),
+            _ => String::new(),
+        };
+        if self.messages.len() >= MESSAGES {
+            self.messages.pop_front();
+        }
+        let text = about + &words::clean(text);
+        self.messages.push_back(Message { at_ms: (at_s.max(0.0) * 1e3) as u64, level, text });
+    }
+
+    /// The night is over.
+    pub fn end(&mut self, at_s: f64) {
+        self.heard(at_s);
+        self.finished_s = Some(at_s);
+        if let Some(current) = &mut self.current {
+            current.running = false;
+        }
+    }
+
+    fn heard(&mut self, at_s: f64) {
+        self.revision += 1;
+        self.heard_s = self.heard_s.max(at_s);
     }
 
     fn entry_mut(&mut self, cell: CellRef) -> Option<&mut Entry> {
@@ -239,6 +260,13 @@ impl Model {
             CellRef::Cell(i) => self.cells.get_mut(i),
             CellRef::Reference(i) => self.references.get_mut(i),
         }
+    }
+
+    /// What a cell or reference renders, where it is known.
+    pub fn config(&self, cell: CellRef) -> Option<&CellConfig> {
+        let current = self.current.as_ref().filter(|current| current.cell == cell);
+        let known = current.and_then(|current| current.config.as_ref());
+        known.or_else(|| self.plan.as_ref()?.config(cell)).map(Arc::as_ref)
     }
 
     /// The state of a cell or reference.
@@ -251,14 +279,7 @@ impl Model {
 
     /// When a cell or reference is finished; files have no rule.
     pub fn stop_rule(&self, cell: CellRef) -> Option<&StopRule> {
-        let plan = self.plan.as_deref()?;
-        match cell {
-            CellRef::Cell(i) => plan.cells.get(i).map(|cell| &cell.stop),
-            CellRef::Reference(i) => match &plan.references.get(i)?.source {
-                ReferenceSource::Render { stop, .. } => Some(stop),
-                ReferenceSource::File(_) => None,
-            },
-        }
+        Some(&self.plan.as_deref()?.until(cell)?.rule)
     }
 
     /// Seconds of wall time since the current cell started, at `now_s` on the listener's clock.
@@ -277,7 +298,9 @@ impl Model {
     pub fn cell_eta(&self, now_s: f64) -> Option<Eta> {
         let current = self.current.as_ref().filter(|current| current.running)?;
         let row = current.curve.last()?;
-        let left = eta::render_left(self.stop_rule(current.cell)?, row)?;
+        let metrics = self.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
+        let fits = |column: &str| eta::fit(&current.curve, metrics, column);
+        let left = eta::render_left(self.stop_rule(current.cell)?, row, &fits)?;
         // Measuring and writing take their share of the wall time beside rendering.
         let overhead = if row.render_s > 0.0 { (row.wall_s / row.render_s).max(1.0) } else { 1.0 };
         let since = (now_s - current.heard_s).max(0.0);
@@ -292,24 +315,24 @@ impl Model {
         }
         self.plan.as_ref()?;
         let means = (mean_wall_s(&self.references), mean_wall_s(&self.cells));
-        let mut sum = Eta { seconds: 0.0, at_most: false };
+        let mut sum = Eta::default();
         let references = (0..self.references.len()).map(CellRef::Reference);
         for cell in references.chain((0..self.cells.len()).map(CellRef::Cell)) {
             let mean = if let CellRef::Reference(_) = cell { means.0 } else { means.1 };
             let left = match self.entry(cell)?.state {
                 State::Waiting => match (mean, self.stop_rule(cell)) {
-                    (_, None) => Eta { seconds: 0.0, at_most: false },
-                    (Some(seconds), _) => Eta { seconds, at_most: false },
-                    (None, Some(rule)) => eta::render_left(rule, &WaveRow::default())?,
+                    (_, None) => Eta::default(),
+                    (Some(seconds), _) => Eta { seconds, ..Eta::default() },
+                    (None, Some(rule)) => eta::render_left(rule, &WaveRow::default(), &|_| None)?,
                 },
                 State::Running if self.current.as_ref().is_some_and(|c| c.cell == cell) => {
                     let spent = self.cell_wall_s(now_s);
-                    let by_mean = mean.map(|mean| Eta { seconds: (mean - spent).max(0.0), at_most: false });
+                    let by_mean = mean.map(|mean| Eta { seconds: (mean - spent).max(0.0), ..Eta::default() });
                     self.cell_eta(now_s).or(by_mean)?
                 }
                 _ => continue,
             };
-            sum = Eta { seconds: sum.seconds + left.seconds, at_most: sum.at_most || left.at_most };
+            sum = sum.then(left);
         }
         Some(sum)
     }
@@ -317,6 +340,19 @@ impl Model {
     /// Invalid (NaN or infinite) samples of all runs of this night.
     pub fn invalid(&self) -> u64 {
         self.references.iter().chain(&self.cells).filter_map(|e| e.last.as_ref()).map(|row| row.invalid).sum()
+    }
+}
+
+/// How an end reads in the log; what was there before is no news.
+fn ended(outcome: &Outcome, last: Option<&WaveRow>) -> (Level, Option<String>) {
+    let far = last.map_or_else(String::new, |row| {
+        format!(" after {} spp, {}", words::count(row.samples), words::duration(row.render_s))
+    });
+    match outcome {
+        Outcome::Done(reason) => (Level::Info, Some(format!("done{far}: {reason}"))),
+        Outcome::Failed(reason) => (Level::Error, Some(format!("failed{far}: {reason}"))),
+        Outcome::Interrupted => (Level::Warn, Some(format!("interrupted{far}"))),
+        Outcome::Cached(_) => (Level::Info, None),
     }
 }
 
@@ -331,37 +367,7 @@ impl Current {
             measure_s: 0.0,
             heard_s: at_s,
             running: true,
+            config: None,
         }
-    }
-}
-
-fn mean_wall_s(entries: &[Entry]) -> Option<f64> {
-    let done = entries.iter().filter(|e| matches!(e.state, State::Done(_))).filter_map(|e| e.last.as_ref());
-    let (sum, n) = done.fold((0.0, 0u32), |(sum, n), row| (sum + row.wall_s, n + 1));
-    (n > 0).then(|| sum / f64::from(n))
-}
-
-/// The axes whose values differ between cells, and the repeat if there are several.
-fn columns(plan: &Plan) -> Vec<Column> {
-    let mut columns = Vec::new();
-    for (i, axis) in plan.axes.iter().enumerate() {
-        let at = |cell: &crate::experiment::Cell| cell.point.get(i).map(|(_, value)| value.clone());
-        let first = plan.cells.first().and_then(at);
-        if plan.cells.iter().any(|cell| at(cell) != first) {
-            let values = plan.cells.iter().map(|c| at(c).map_or_else(String::new, |v| words::clean(&v.to_string())));
-            let numeric = plan.cells.iter().all(|cell| at(cell).is_some_and(|v| v.as_f64().is_some()));
-            columns.push(Column::new(axis, values.collect(), numeric));
-        }
-    }
-    if plan.cells.iter().any(|cell| cell.repeat > 0) {
-        columns.push(Column::new("rep", plan.cells.iter().map(|cell| cell.repeat.to_string()).collect(), true));
-    }
-    columns
-}
-
-impl Column {
-    fn new(name: &str, values: Vec<String>, numeric: bool) -> Column {
-        let width = values.iter().map(|v| words::width(v)).chain([words::width(name)]).max().unwrap_or(0);
-        Column { name: name.to_owned(), values, width, numeric }
     }
 }

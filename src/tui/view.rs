@@ -5,10 +5,15 @@ use std::cell::RefCell;
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::layout::Rect;
 
-use super::look::Look;
+use super::command::{self, Order};
+use super::device::Gauges;
+use super::look::{Graphics, Look};
 use super::model::Model;
-use super::panes::{self, picture::Preview};
-use crate::experiment::event::CellRef;
+use super::panes;
+use super::preview::Previews;
+use super::rows::Rows;
+use super::sharp::Sharp;
+use crate::experiment::{CellRef, Control, PauseAt};
 
 /// The largest change of exposure, in stops, up or down.
 const MAX_STOPS: f32 = 12.0;
@@ -25,6 +30,8 @@ pub enum Focus {
     Chart,
     /// The log.
     Log,
+    /// The plan.
+    Plan,
 }
 
 /// The horizontal axis of the chart.
@@ -37,22 +44,125 @@ pub enum ChartX {
     Samples,
 }
 
+/// What the picture pane shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Picture {
+    /// The picture as it renders.
+    #[default]
+    Live,
+    /// What it is measured against.
+    Reference,
+    /// The absolute error of every pixel.
+    Difference,
+    /// The error as seen when the two are flickered between: FLIP.
+    Flip,
+    /// What each strategy found, of the last cell that kept it.
+    Strategies,
+}
+
+impl Picture {
+    /// All of them, in the order in which a key goes through them.
+    pub const ALL: [Picture; 5] =
+        [Picture::Live, Picture::Reference, Picture::Difference, Picture::Flip, Picture::Strategies];
+
+    /// Its name in the command bar.
+    pub fn name(self) -> &'static str {
+        match self {
+            Picture::Live => "live",
+            Picture::Reference => "reference",
+            Picture::Difference => "difference",
+            Picture::Flip => "flip",
+            Picture::Strategies => "strategies",
+        }
+    }
+}
+
+/// How cells are listed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Listing {
+    /// A tree where that is shorter: the group at hand open, the others closed.
+    #[default]
+    Follow,
+    /// A tree with every group open.
+    Open,
+    /// One row for each cell.
+    Flat,
+}
+
 /// What a key asks of the night, beyond the screen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
-    /// End after this wave; asked again, leave now.
+    /// End after this wave; asked again, leave now. Where a night is only watched: leave.
     Stop,
-    /// Pause, or go on.
-    Pause,
+    /// End after this cell, or not.
+    StopAfterCell,
+    /// Pause, go on, or the one that it is not.
+    Pause(Option<bool>),
+    /// Pause when the cell has come so far.
+    PauseAt(Option<PauseAt>),
     /// Give up the current cell.
     Skip,
+    /// Render the current cell from its first sample.
+    Restart,
 }
+
+/// What the user wants of the night, as its [`Control`] says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wishes {
+    /// Whether rendering is paused.
+    pub paused: bool,
+    /// Where it will pause.
+    pub pause_at: Option<PauseAt>,
+    /// Whether the night will end after this wave.
+    pub stopping: bool,
+    /// Whether it will end after this cell.
+    pub after_cell: bool,
+}
+
+impl Wishes {
+    /// What a control says.
+    pub fn of(control: &Control) -> Wishes {
+        Wishes {
+            paused: control.paused(),
+            pause_at: control.pause_at(),
+            stopping: control.stop_requested(),
+            after_cell: control.stops_after_cell(),
+        }
+    }
+}
+
+/// A line that is being typed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Prompt {
+    /// A command.
+    Command(String),
+    /// What the plan is to show; it does so while it is typed.
+    Filter(String),
+}
+
+/// An answer on the last line, until some time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// What it says.
+    pub text: String,
+    /// Until when, in seconds on the model's clock.
+    pub until_s: f64,
+}
+
+/// Seconds for which an answer stays.
+const NOTICE_S: f64 = 6.0;
+/// Seconds for which each of two pictures shows when they flicker.
+const FLICKER_S: f64 = 0.6;
 
 /// The state of the screen that is not the state of the night.
 #[derive(Debug)]
 pub struct View {
     /// What the terminal can show.
     pub look: Look,
+    /// How pictures are shown, and the size of a character cell in pixels where that needs it.
+    pub graphics: (Graphics, [u16; 2]),
+    /// Whether another process renders, so that keys cannot reach the night.
+    pub watching: bool,
     /// Which pane is large.
     pub focus: Focus,
     /// Whether the help lies over everything.
@@ -61,22 +171,40 @@ pub struct View {
     pub metric: usize,
     /// The chart's horizontal axis.
     pub chart_x: ChartX,
-    /// Stops that the live picture is brightened by, on top of the plan's tone map.
+    /// What the picture pane shows.
+    pub picture: Picture,
+    /// Whether live picture and reference are shown in turn.
+    pub flicker: bool,
+    /// Whether the strategies are shown without their weights.
+    pub raw: bool,
+    /// Stops that pictures are brightened by, on top of the plan's tone map.
     pub exposure: f32,
+    /// How cells are listed.
+    pub listing: Listing,
+    /// Lower-case words that the cells of the list contain.
+    pub filter: String,
     /// First row of the plan on screen; `None` follows the current cell.
     pub plan_top: Option<usize>,
     /// Lines that the log is scrolled back from its end.
     pub log_back: usize,
+    /// The line that is being typed.
+    pub prompt: Option<Prompt>,
+    /// An answer to what was typed.
+    pub notice: Option<Notice>,
     /// Seconds on the same clock as the model's.
     pub now_s: f64,
-    /// Whether rendering is paused.
-    pub paused: bool,
-    /// Whether the night will end after this wave.
-    pub stopping: bool,
+    /// What the user wants of the night.
+    pub wishes: Wishes,
     /// The cell that was asked to be given up.
     pub skipping: Option<CellRef>,
     /// The reduced picture of the last frame, so that an unchanged one is not reduced again.
-    pub(super) preview: RefCell<Option<Preview>>,
+    pub(super) preview: RefCell<Previews>,
+    /// The pictures in full resolution of the last frames.
+    pub(super) sharp: RefCell<Sharp>,
+    /// The rows of the plan, so that an unchanged plan is not searched again.
+    pub(super) rows: RefCell<Rows>,
+    /// The device's gauges.
+    pub(super) gauges: RefCell<Gauges>,
 }
 
 impl View {
@@ -84,26 +212,59 @@ impl View {
     pub fn new(look: Look) -> View {
         View {
             look,
+            graphics: (Graphics::Blocks, [0, 0]),
+            watching: false,
             focus: Focus::default(),
             help: false,
             metric: 0,
             chart_x: ChartX::default(),
+            picture: Picture::default(),
+            flicker: false,
+            raw: false,
             exposure: 0.0,
+            listing: Listing::default(),
+            filter: String::new(),
             plan_top: None,
             log_back: 0,
+            prompt: None,
+            notice: None,
             now_s: 0.0,
-            paused: false,
-            stopping: false,
+            wishes: Wishes::default(),
             skipping: None,
-            preview: RefCell::new(None),
+            preview: RefCell::default(),
+            sharp: RefCell::default(),
+            rows: RefCell::default(),
+            gauges: RefCell::default(),
         }
     }
 
     /// The time for estimates: while rendering is paused nothing of the rest goes by.
     pub fn clock_s(&self, model: &Model) -> f64 {
         match &model.current {
-            Some(current) if self.paused && current.running => current.heard_s.min(self.now_s),
+            Some(current) if self.wishes.paused && current.running => current.heard_s.min(self.now_s),
             _ => self.now_s,
+        }
+    }
+
+    /// What changes by the clock alone, as a number: frames with the same one look the same. A night that is over has
+    /// no clock that ticks.
+    pub fn tick(&self, model: &Model, now_s: f64) -> u64 {
+        let notice = self.notice.as_ref().is_some_and(|notice| now_s < notice.until_s);
+        let step = match model.finished_s {
+            _ if self.flicker => FLICKER_S,
+            None => 1.0,
+            Some(_) if notice => NOTICE_S,
+            Some(_) => return 0,
+        };
+        (now_s / step) as u64 * 2 + u64::from(notice)
+    }
+
+    /// What the picture pane shows now; two in turn when they flicker.
+    pub fn shown(&self) -> Picture {
+        match self.flicker {
+            true if (self.now_s / FLICKER_S) as u64 % 2 == 1 => Picture::Reference,
+            true => Picture::Live,
+            false => self.picture,
         }
     }
 
@@ -115,34 +276,64 @@ impl View {
         if key.modifiers.contains(KeyModifiers::CONTROL) {
             return (key.code == KeyCode::Char('c')).then_some(Command::Stop);
         }
-        match key.code {
-            KeyCode::Char('q') => return Some(Command::Stop),
-            KeyCode::Char('p' | ' ') => return Some(Command::Pause),
-            KeyCode::Char('s') => {
-                let current = model.current.as_ref().filter(|current| current.running)?;
-                self.skipping = Some(current.cell);
-                return Some(Command::Skip);
+        if key.modifiers.contains(KeyModifiers::ALT) {
+            // A terminal sends the same for Alt and a letter as for Escape and the letter right after it; nothing here
+            // wants Alt.
+            self.key(KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE), model, area);
+        }
+        if let Some(prompt) = self.prompt.take() {
+            let order = self.typed(prompt, key.code, model)?;
+            return self.obey(order, model, area);
+        }
+        let order = match key.code {
+            KeyCode::Char('q') => Order::Night(Command::Stop),
+            KeyCode::Char('Q') => Order::Night(Command::StopAfterCell),
+            KeyCode::Char('p' | ' ') => Order::Night(Command::Pause(None)),
+            KeyCode::Char('s') => Order::Night(Command::Skip),
+            KeyCode::Char('R') => Order::Night(Command::Restart),
+            KeyCode::Char('f') => Order::Flicker,
+            KeyCode::Char('v') => Order::Picture(self.picture_after(1)),
+            KeyCode::Char('V') => Order::Picture(self.picture_after(Picture::ALL.len() - 1)),
+            KeyCode::Char('e') => Order::Exposure(self.exposure - 0.5),
+            KeyCode::Char('E') => Order::Exposure(self.exposure + 0.5),
+            KeyCode::Char('0') => Order::Exposure(0.0),
+            KeyCode::Char(digit @ '1'..='9') => Order::Metric(digit as usize - '1' as usize),
+            KeyCode::Char('?') | KeyCode::F(1) => Order::Help,
+            other => {
+                self.look_at(other, model, area);
+                return None;
             }
-            KeyCode::Char('?') | KeyCode::F(1) => self.help = !self.help,
+        };
+        self.obey(order, model, area)
+    }
+
+    /// Keys that change the screen and nothing that a command could name.
+    fn look_at(&mut self, code: KeyCode, model: &Model, area: Rect) {
+        match code {
+            KeyCode::Char(':') => self.prompt = Some(Prompt::Command(String::new())),
+            KeyCode::Char('/') => self.prompt = Some(Prompt::Filter(self.filter.clone())),
             KeyCode::Esc if self.help => self.help = false,
             KeyCode::Esc => {
                 (self.focus, self.plan_top, self.log_back) = (Focus::Overview, None, 0);
+                (self.flicker, self.notice) = (false, None);
+                self.filter.clear();
             }
             KeyCode::Tab => self.turn(1),
-            KeyCode::BackTab => self.turn(3),
+            KeyCode::BackTab => self.turn(4),
             KeyCode::Char('x') => {
                 self.chart_x = match self.chart_x {
                     ChartX::RenderS => ChartX::Samples,
                     ChartX::Samples => ChartX::RenderS,
                 };
             }
-            KeyCode::Char('e') => self.exposure = (self.exposure - 0.5).max(-MAX_STOPS),
-            KeyCode::Char('E') => self.exposure = (self.exposure + 0.5).min(MAX_STOPS),
-            KeyCode::Char(digit @ '1'..='9') => {
-                let index = digit as usize - '1' as usize;
-                if model.plan.as_ref().is_some_and(|plan| index < plan.measure.metrics.len()) {
-                    self.metric = index;
-                }
+            KeyCode::Char('w') => self.raw = !self.raw,
+            KeyCode::Char('g') => {
+                self.plan_top = None;
+                self.listing = match self.listing {
+                    Listing::Follow => Listing::Open,
+                    Listing::Open => Listing::Flat,
+                    Listing::Flat => Listing::Follow,
+                };
             }
             KeyCode::Up | KeyCode::Char('k') => self.scroll(-1, model, area),
             KeyCode::Down | KeyCode::Char('j') => self.scroll(1, model, area),
@@ -152,11 +343,99 @@ impl View {
             KeyCode::End => self.scroll(isize::MAX / 2, model, area),
             _ => {}
         }
+    }
+
+    /// Takes in a key while a line is typed; hands back what the line asks for, once it is whole.
+    fn typed(&mut self, mut prompt: Prompt, code: KeyCode, model: &Model) -> Option<Order> {
+        let (Prompt::Command(text) | Prompt::Filter(text)) = &mut prompt;
+        match code {
+            KeyCode::Esc => {
+                if matches!(prompt, Prompt::Filter(_)) {
+                    self.filter.clear();
+                }
+                return None;
+            }
+            KeyCode::Backspace if text.is_empty() => return None,
+            KeyCode::Backspace => {
+                text.pop();
+            }
+            KeyCode::Enter => {
+                return match prompt {
+                    Prompt::Filter(text) => Some(Order::Filter(text.to_lowercase())),
+                    Prompt::Command(text) => match command::read(&text, model) {
+                        Ok(order) => Some(order),
+                        Err(answer) => {
+                            self.answer(answer);
+                            None
+                        }
+                    },
+                };
+            }
+            KeyCode::Char(c) if text.len() < 200 => text.push(c),
+            _ => {}
+        }
+        if let Prompt::Filter(text) = &prompt {
+            (self.filter, self.plan_top) = (text.to_lowercase(), None);
+        }
+        self.prompt = Some(prompt);
         None
     }
 
+    /// Carries out an order as far as it concerns the screen; what concerns the night is handed back.
+    fn obey(&mut self, order: Order, model: &Model, area: Rect) -> Option<Command> {
+        match order {
+            Order::Night(Command::Stop) => return Some(Command::Stop),
+            Order::Night(_) if self.watching => {
+                self.answer("another process renders this night; it can only be watched from here".to_owned());
+            }
+            Order::Night(command @ (Command::Skip | Command::Restart)) => {
+                let current = model.current.as_ref().filter(|current| current.running)?;
+                if command == Command::Skip {
+                    self.skipping = Some(current.cell);
+                }
+                return Some(command);
+            }
+            Order::Night(command) => return Some(command),
+            Order::Filter(words) => (self.filter, self.plan_top) = (words, None),
+            Order::Metric(index) => {
+                if model.plan.as_ref().is_some_and(|plan| index < plan.metrics.len()) {
+                    self.metric = index;
+                }
+            }
+            Order::Axis(axis) => self.chart_x = axis,
+            Order::Picture(kind) => (self.picture, self.flicker) = (kind, false),
+            Order::Flicker => self.flicker = !self.flicker,
+            Order::Exposure(stops) => self.exposure = stops.clamp(-MAX_STOPS, MAX_STOPS),
+            Order::Cell(i) => {
+                self.filter.clear();
+                if self.listing == Listing::Follow {
+                    self.listing = Listing::Open;
+                }
+                let row = self.row_of(CellRef::Cell(i), model);
+                let page = panes::plan::page(panes::regions(area, self.focus).plan);
+                self.plan_top = Some(row.saturating_sub(page / 2));
+            }
+            Order::Help => self.help = !self.help,
+        }
+        None
+    }
+
+    fn answer(&mut self, text: String) {
+        self.notice = Some(Notice { text, until_s: self.now_s + NOTICE_S });
+    }
+
+    fn picture_after(&self, by: usize) -> Picture {
+        let now = Picture::ALL.iter().position(|kind| *kind == self.picture).unwrap_or(0);
+        Picture::ALL[(now + by) % Picture::ALL.len()]
+    }
+
+    /// The row on which a cell or reference stands, or the group that it is in.
+    pub(super) fn row_of(&self, cell: CellRef, model: &Model) -> usize {
+        self.rows.borrow_mut().update(model, self).place(cell)
+    }
+
     fn turn(&mut self, by: usize) {
-        const ORDER: [Focus; 4] = [Focus::Overview, Focus::Picture, Focus::Chart, Focus::Log];
+        const ORDER: [Focus; 5] = [Focus::Overview, Focus::Picture, Focus::Chart, Focus::Log, Focus::Plan];
         let now = ORDER.iter().position(|focus| *focus == self.focus).unwrap_or(0);
         self.focus = ORDER[(now + by) % ORDER.len()];
     }
@@ -178,7 +457,7 @@ impl View {
             return;
         }
         let page = panes::plan::page(regions.plan);
-        let most = panes::plan::rows(model).saturating_sub(page);
+        let most = panes::plan::rows(model, self).saturating_sub(page);
         let top = panes::plan::top(model, self, page);
         self.plan_top = Some(top.saturating_add_signed(by).min(most));
     }

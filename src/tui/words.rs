@@ -1,7 +1,6 @@
 //! Numbers, durations and names as people read them, short enough for a column.
 
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellRef, Plan};
+use crate::experiment::{CellRef, Outline};
 use crate::metrics::MetricSpec;
 
 /// Seconds with a unit, at most seven columns: `2.1 ms`, `0.52 s`, `59.9 s`, `4m05s`, `2h03m`, `3d04h`.
@@ -67,21 +66,20 @@ pub fn measured(spec: &MetricSpec, value: f64) -> String {
 }
 
 /// A cell's parameters, or what a reference is: `depth=5 aa=0.5 rep=1`, `bpt of cornell.scn`.
-pub fn cell_name(plan: &Plan, cell: CellRef) -> String {
+pub fn cell_name(plan: &Outline, cell: CellRef) -> String {
     match cell {
         CellRef::Cell(i) => plan.cells.get(i).map_or_else(String::new, |cell| {
             let mut parts: Vec<String> = cell.point.iter().map(|(name, value)| format!("{name}={value}")).collect();
-            if cell.repeat > 0 || plan.cells.iter().any(|other| other.repeat > 0) {
+            if plan.repeated {
                 parts.push(format!("rep={}", cell.repeat));
             }
-            if parts.is_empty() { scene_name(&cell.config.scene) } else { clean(&parts.join(" ")) }
+            let scene = || cell.config.as_ref().map_or_else(|| "the cell".to_owned(), |c| scene_name(&c.scene));
+            if parts.is_empty() { scene() } else { clean(&parts.join(" ")) }
         }),
-        CellRef::Reference(i) => match plan.references.get(i).map(|r| &r.source) {
-            Some(ReferenceSource::Render { config, .. }) => {
-                clean(&format!("{} of {}", config.integrator, scene_name(&config.scene)))
-            }
-            Some(ReferenceSource::File(file)) => scene_name(&file.to_string_lossy()),
-            None => String::new(),
+        CellRef::Reference(i) => match plan.references.get(i).map(|r| (&r.config, &r.file)) {
+            Some((Some(config), _)) => clean(&format!("{} of {}", config.integrator, scene_name(&config.scene))),
+            Some((_, Some(file))) => scene_name(&file.to_string_lossy()),
+            _ => String::new(),
         },
     }
 }

@@ -82,6 +82,78 @@ fn ls_and_show_tell_what_is_there() {
 }
 
 #[test]
+fn ls_is_narrowed_by_words_states_and_the_latest() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "-q", "--only", "depth=2"]);
+    place.write("other.lua", &place.read("night.lua").replace("\"night\"", "\"other\""));
+    place.succeed(&["run", "other.lua", "-q"]);
+    let runs = |args: &[&str]| -> Vec<String> {
+        let all: Vec<&str> = ["ls", "--json"].iter().chain(args).copied().collect();
+        let listed = json(&place.succeed(&all).stdout);
+        let runs = listed.as_array().unwrap().iter().flat_map(|e| {
+            let name = e["name"].as_str().unwrap().to_owned();
+            let runs = e["runs"].as_array().unwrap().iter();
+            runs.map(move |r| format!("{name} {} {}", r["path"].as_str().unwrap(), r["state"].as_str().unwrap()))
+        });
+        runs.collect()
+    };
+    assert_eq!(runs(&[]).len(), 6);
+    assert_eq!(runs(&["depth=4", "REP=1"]), ["other depth=4/rep=1 done"]);
+    assert_eq!(runs(&["night", "--state", "done"]).len(), 2);
+    assert_eq!(runs(&["--state", "failed", "--state", "pending"]), Vec::<String>::new());
+    assert_eq!(runs(&["--latest"]).len(), 4);
+    let page = place.succeed(&["ls", "depth=4"]).stdout;
+    assert!(page.contains("2 matching cells: 2 done") && !page.contains("depth=2"), "{page}");
+    assert!(place.succeed(&["ls", "zebra"]).stderr.contains("no runs like that"));
+    assert!(place.path("out/index.sqlite").exists());
+    std::fs::remove_file(place.path("out/index.sqlite")).unwrap();
+    assert_eq!(runs(&["depth=4", "REP=1"]), ["other depth=4/rep=1 done"], "without the index too");
+    let latest = json(&place.succeed(&["show", "latest", "--json"]).stdout);
+    assert_eq!(latest["config"]["experiment"], "other");
+    assert_eq!(latest["config"]["path"], "depth=4/rep=1");
+}
+
+#[test]
+fn status_tells_how_far_a_night_is_from_its_files_alone() {
+    let place = Workplace::new();
+    assert!(place.fail(2, &["status"]).contains("no night in out"));
+    place.succeed(&["run", "night.lua", "-q"]);
+    let page = place.succeed(&["status"]).stdout;
+    assert!(page.contains("over") && page.contains("4: 4 done") && page.contains("2 of 2"), "{page}");
+    let facts = json(&place.succeed(&["status", "--json"]).stdout);
+    assert_eq!((facts["state"].as_str(), facts["cells"]["done"].as_u64()), (Some("over"), Some(4)));
+    assert_eq!(facts["current"], Json::Null);
+    // A run whose last file is gone is not done, whatever the journal says.
+    let done = place.files("out").into_iter().find(|f| f.ends_with("done.json")).unwrap();
+    std::fs::remove_file(place.path(&done)).unwrap();
+    let facts = json(&place.succeed(&["status", "out/latest", "--json"]).stdout);
+    assert_eq!((facts["cells"]["done"].as_u64(), facts["cells"]["waiting"].as_u64()), (Some(3), Some(1)));
+    // A copy of the folder, such as from another machine, without anything beside it.
+    let night = place.files("out").into_iter().find(|f| f.ends_with("plan.json")).unwrap();
+    let night = night.trim_end_matches("/plan.json");
+    std::fs::rename(place.path(night), place.path("copy")).unwrap();
+    let facts = json(&place.succeed(&["status", "copy", "--json"]).stdout);
+    assert_eq!(facts["cells"]["done"], 3);
+    // Without a terminal `watch` says the same, and a broken journal is read as far as it goes.
+    assert!(place.succeed(&["watch", "copy"]).stdout.contains("4: 3 done, 1 to go"));
+    place.write("copy/journal.jsonl", "{\"event\": \"night_sta");
+    let facts = json(&place.succeed(&["status", "copy", "--json"]).stdout);
+    assert_eq!((facts["state"].as_str(), facts["cells"]["done"].as_u64()), (Some("not started"), Some(3)));
+}
+
+#[test]
+fn a_finished_run_has_at_most_eight_files_beside_snapshots_and_films() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "-q"]);
+    for done in place.files("out").iter().filter(|f| f.ends_with("done.json") || f.ends_with("ref.json")) {
+        let folder = done.rsplit_once('/').unwrap().0;
+        let files = place.files(folder);
+        let counted: Vec<&String> = files.iter().filter(|f| !f.contains("/snap-") && !f.contains("/films/")).collect();
+        assert!(counted.len() <= 8, "{counted:?}");
+    }
+}
+
+#[test]
 fn the_schema_is_printed_for_editors_and_for_programs() {
     let place = Workplace::new();
     let lua = place.succeed(&["schema", "--lua"]).stdout;

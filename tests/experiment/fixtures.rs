@@ -135,6 +135,7 @@ fn spec() -> Spec {
             snapshots: Snapshots::Last,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
     }

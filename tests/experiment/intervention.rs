@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use lumbre::experiment::event::Level;
 use lumbre::experiment::run::{Seams, run_with};
-use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, Sink, SinkError};
+use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, PauseAt, Sink, SinkError};
 
 use crate::fixtures::{Lab, Night, Recorder, config, ints, whole_at, words};
 
@@ -142,4 +142,75 @@ fn a_paused_night_still_hears_stop_and_skip() {
     let (summary, _) = disturbed(&three(), &Night::default(), "wave c0 1", pause_and_stop);
     assert!(summary.interrupted);
     assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+}
+
+#[test]
+fn a_restart_renders_the_cell_from_its_first_sample() {
+    let (whole, undisturbed) = Night::default().record(&three());
+    let (lab, night) = (three(), Night::default());
+    let asked = Cell::new(false);
+    let act = || {
+        if !asked.replace(true) {
+            night.control.request_restart();
+        }
+    };
+    let (mut user, mut heard) = (User { at: "wave c1 3", act: &act }, Recorder::default());
+    let summary = night.carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut user, &mut heard]).unwrap();
+    assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+    let starts = heard.words.iter().filter(|w| *w == "start c1").count();
+    assert_eq!(starts, 2, "{:?}", heard.words);
+    let samples = |night: &NightSummary| night.results[1].rows.iter().map(|r| r.samples).collect::<Vec<_>>();
+    assert_eq!(samples(&summary), samples(&whole), "nothing of the first try is left");
+    assert_eq!(heard.film(CellRef::Cell(1)), undisturbed.film(CellRef::Cell(1)));
+    let told = heard.messages(Level::Warn);
+    assert!(told.contains(&"rendered again on request after 3 samples per pixel".to_owned()), "{told:?}");
+}
+
+#[test]
+fn a_restart_that_comes_too_late_does_not_hit_the_next_cell() {
+    let (_, heard) = disturbed(&three(), &Night::default(), "done c0", Control::request_restart);
+    assert_eq!(heard.words.iter().filter(|w| *w == "start c1").count(), 1);
+}
+
+#[test]
+fn a_night_can_end_after_the_cell_at_hand() {
+    let after_cell = |control: &Control| {
+        control.toggle_stop_after_cell();
+    };
+    let (summary, heard) = disturbed(&three(), &Night::default(), "wave c1 3", after_cell);
+    assert!(summary.interrupted);
+    assert_eq!(summary.results.len(), 2);
+    assert!(matches!(summary.results[1].outcome, Outcome::Done(_)), "the cell at hand is finished");
+    assert_eq!(heard.words.last().unwrap(), "morning");
+    let (summary, _) = disturbed(&three(), &Night::default(), "wave c2 3", after_cell);
+    assert!(!summary.interrupted, "there was no further cell");
+    let twice = |control: &Control| {
+        control.toggle_stop_after_cell();
+        control.toggle_stop_after_cell();
+    };
+    let (summary, _) = disturbed(&three(), &Night::default(), "wave c1 3", twice);
+    assert_eq!(summary.results.len(), 3, "taken back");
+}
+
+#[test]
+fn a_limit_pauses_the_night_once_at_the_first_measurement_behind_it() {
+    let undisturbed = Night::default().record(&three()).1;
+    let (lab, night) = (three(), Night::default());
+    let control = Control::default();
+    control.set_pause_at(Some(PauseAt::Samples(2)));
+    let waits = Cell::new(0);
+    let wait = || {
+        waits.set(waits.get() + 1);
+        assert!(control.paused() && control.pause_at().is_none());
+        control.set_paused(false);
+    };
+    let mut heard = Recorder::default();
+    let seams = Seams { open: night.open, wait: &wait };
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut heard];
+    run_with(&seams, &Arc::new(lab.plan()), &lab, &night.history, sinks, &control, 1).unwrap();
+    assert_eq!(waits.get(), 1, "once, though three cells pass the limit");
+    assert_eq!(heard.film(CellRef::Cell(0)), undisturbed.film(CellRef::Cell(0)));
+    let told = heard.messages(Level::Info);
+    assert!(told.iter().any(|t| t.starts_with("paused as asked, after 3 samples")), "{told:?}");
+    assert!(PauseAt::RenderS(1.5).reached(1, 1.5) && !PauseAt::RenderS(1.5).reached(99, 1.4));
 }

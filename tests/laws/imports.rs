@@ -8,7 +8,9 @@ use super::source::{code_only, rust_files, text, words};
 const CONFINED: &[(&str, &[&str])] = &[
     ("mlua", &["script"]),
     ("ratatui", &["tui"]),
+    ("ratatui_image", &["tui"]),
     ("crossterm", &["tui"]),
+    ("rusqlite", &["store"]),
     ("clap", &["cli"]),
     ("clap_complete", &["cli"]),
     ("clap_mangen", &["cli"]),

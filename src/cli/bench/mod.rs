@@ -4,6 +4,7 @@ mod efficiency;
 mod metrics;
 mod night;
 mod rates;
+mod scale;
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -63,11 +64,16 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     });
     if let (false, Some((_, first))) = (args.only, scenes.first()) {
         say("measuring the program's own overheads");
-        let (start_up_s, plan_s) = (start_up_s(), night::plan_10_000_cells_s()?);
+        let (plan, plan_s) = night::plan_10_000_cells()?;
+        let start_up_s = start_up_s();
         let outside = night::share_outside_advance(first, threads)?;
         text += &format!("\nstart-up (--version)                 {:>9.1} ms\n", start_up_s * 1e3);
         text += &format!("plan of 10,000 cells                 {plan_s:>9.3} s\n");
         text += &format!("time outside `advance`, 4 s cell     {:>9.2} %\n", outside * 100.0);
+        say("measuring what it costs to look at 10,000 cells");
+        let scale = scale::Scale::measure(&plan)?;
+        text += &scale.table();
+        json["scale_10000_runs"] = scale.to_json();
         say("measuring the metrics");
         let times = metrics::measure(repeats);
         text += &format!("\n{}", metrics::table(&times));

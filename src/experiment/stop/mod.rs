@@ -1,6 +1,7 @@
-//! Stop rules as data: what they mean, when they can be relied on to end ([`limits`]), and how they read ([`words`]).
+//! Stop rules as data: what they mean, when they can be relied on to end ([`limits`]), and how they read ([`words`], [`read`]).
 
 mod limits;
+mod read;
 mod words;
 
 pub use limits::StopError;

@@ -7,27 +7,16 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{pane, title};
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellConfig, CellRef, Plan, WaveRow};
+use crate::experiment::{CellConfig, CellRef, Outline, WaveRow};
 use crate::render::OpenStats;
 use crate::scene::SceneDesc;
 use crate::transport::integrator;
+use crate::tui::entry::State;
 use crate::tui::eta;
 use crate::tui::look::Look;
-use crate::tui::model::{Current, Model, State};
+use crate::tui::model::{Current, Model};
 use crate::tui::view::View;
 use crate::tui::words;
-
-/// What a cell or reference renders.
-fn config_of(plan: &Plan, cell: CellRef) -> Option<(&CellConfig, &SceneDesc)> {
-    match cell {
-        CellRef::Cell(i) => plan.cells.get(i).map(|cell| (&*cell.config, &*cell.scene)),
-        CellRef::Reference(i) => match &plan.references.get(i)?.source {
-            ReferenceSource::Render { config, scene, .. } => Some((config, scene)),
-            ReferenceSource::File(_) => None,
-        },
-    }
-}
 
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
@@ -59,7 +48,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let sheet = Sheet { look, width, height: usize::from(inner.height) };
     let mut lines = sheet.lines(plan, model, view, current);
     // What a rendered reference is stands on the first line in any case.
-    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && config_of(plan, current.cell).is_some();
+    let rendered_reference = matches!(current.cell, CellRef::Reference(_)) && model.config(current.cell).is_some();
     if !named && !rendered_reference {
         lines.insert(0, (3, sheet.fit(&name, look.accent())));
     }
@@ -71,7 +60,7 @@ fn state(model: &Model, view: &View, current: &Current) -> (&'static str, Style)
     let look = view.look;
     match model.entry(current.cell).map(|entry| &entry.state) {
         Some(State::Running) if view.skipping == Some(current.cell) => ("skipping after this wave", look.warn()),
-        Some(State::Running) if view.paused => ("paused", look.warn()),
+        Some(State::Running) if view.wishes.paused => ("paused", look.warn()),
         Some(State::Running) => ("rendering", look.accent()),
         Some(State::Done(_)) => ("done", look.good()),
         Some(State::Cached) => ("cached", look.good()),
@@ -90,13 +79,13 @@ struct Sheet {
 
 impl Sheet {
     /// The lines in order, each with its importance: 1 stays longest.
-    fn lines(&self, plan: &Plan, model: &Model, view: &View, current: &Current) -> Vec<(u8, Line<'static>)> {
+    fn lines(&self, plan: &Outline, model: &Model, view: &View, current: &Current) -> Vec<(u8, Line<'static>)> {
         let empty = WaveRow::default();
         let row = current.curve.last().unwrap_or(&empty);
         let mut lines: Vec<(u8, Line<'static>)> = Vec::new();
-        if let Some((config, scene)) = config_of(plan, current.cell) {
-            lines.push((4, self.technique(config, scene)));
-            lines.push((5, self.subject(config, scene)));
+        if let Some(config) = model.config(current.cell) {
+            lines.push((4, self.technique(config)));
+            lines.push((5, self.subject(config)));
             let set: Vec<String> = config.set.iter().map(|(path, value)| format!("{path}={value}")).collect();
             let params = config.params.iter().map(|(name, value)| format!("{name}={value}"));
             let changes = params.chain(set).collect::<Vec<_>>().join("  ");
@@ -104,13 +93,16 @@ impl Sheet {
                 lines.push((9, self.fit(&words::clean(&changes), self.look.dim())));
             }
         }
+        if let Some(scene) = plan.scene(current.cell) {
+            lines.push((10, self.camera(scene)));
+        }
         if !current.open.device.is_empty() {
             lines.push((8, self.device(&current.open)));
         }
         lines.push((1, self.speed(row)));
         lines.push((2, self.times(model, view, row)));
         if !row.metrics.is_empty() {
-            let metrics = plan.measure.metrics.iter().zip(&row.metrics);
+            let metrics = plan.metrics.iter().zip(&row.metrics);
             let facts = metrics.map(|(m, x)| self.fact(&m.column, &words::measured(m, *x), Style::new())).collect();
             lines.push((7, self.facts(facts)));
         }
@@ -166,25 +158,39 @@ impl Sheet {
         line
     }
 
-    fn technique(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
+    fn technique(&self, config: &CellConfig) -> Line<'static> {
         let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
-        let depth = config.max_depth.unwrap_or(scene.max_depth);
-        let edges = if depth == 1 { "edge" } else { "edges" };
+        let edges = config
+            .max_depth
+            .map_or_else(String::new, |depth| format!("{depth} {}", if depth == 1 { "edge" } else { "edges" }));
         self.facts(vec![
             vec![Span::styled(words::clean(&config.integrator), self.look.accent())],
             vec![Span::raw(long)],
-            vec![Span::raw(format!("{depth} {edges}"))],
+            vec![Span::raw(edges)],
         ])
     }
 
-    fn subject(&self, config: &CellConfig, scene: &SceneDesc) -> Line<'static> {
-        let [w, h] = config.resolution.unwrap_or(scene.resolution);
+    fn subject(&self, config: &CellConfig) -> Line<'static> {
         let filter = config.filter.kind.name();
         let name = words::fit(&words::scene_name(&config.scene), self.width, self.look.glyphs().ellipsis);
-        let size = format!("{w}x{h} px");
+        let size = config.resolution.map_or_else(String::new, |[w, h]| format!("{w}x{h} px"));
         let filter = format!("{filter} {} px", config.filter.radius);
         let facts = [name, size, filter, words::clean(&config.backend)];
         self.facts(facts.into_iter().map(|fact| vec![Span::raw(fact)]).collect())
+    }
+
+    fn camera(&self, scene: &SceneDesc) -> Line<'static> {
+        let camera = &scene.camera;
+        let dim = |text: String| vec![Span::styled(text, self.look.dim())];
+        let mut facts = vec![dim(format!("field of view {} deg", words::number(f64::from(camera.fov_deg))))];
+        facts.push(match camera.aperture {
+            0.0 => dim("pinhole".to_owned()),
+            aperture => dim(format!("aperture {}", words::number(f64::from(aperture)))),
+        });
+        if let Some(focus) = camera.focus_distance {
+            facts.push(dim(format!("focus {}", words::number(f64::from(focus)))));
+        }
+        self.facts(facts)
     }
 
     fn device(&self, open: &OpenStats) -> Line<'static> {
@@ -206,6 +212,11 @@ impl Sheet {
         if row.invalid > 0 {
             facts.push(vec![Span::styled(format!("{} invalid", words::count(row.invalid)), self.look.bad())]);
         }
+        // A frame is one sample of every pixel.
+        if row.samples > 0 && row.render_s > 0.0 {
+            facts.push(unit(words::number(row.samples as f64 / row.render_s), "fps"));
+            facts.push(unit(words::number(row.render_s / row.samples as f64 * 1e3), "ms/frame"));
+        }
         facts.push(unit(words::number(row.mpaths_per_s()), "Mpaths/s"));
         facts.push(unit(words::number(mrays), "Mrays/s"));
         facts.push(unit(row.wave.to_string(), if row.wave == 1 { "wave" } else { "waves" }));
@@ -226,11 +237,12 @@ impl Sheet {
     /// Why it ended, or when it will.
     fn end(&self, model: &Model, current: &Current) -> (String, Style) {
         let look = self.look;
-        match (model.entry(current.cell).map(|entry| &entry.state), model.stop_rule(current.cell)) {
+        let until = model.plan.as_ref().and_then(|plan| plan.until(current.cell));
+        match (model.entry(current.cell).map(|entry| &entry.state), until) {
             (Some(State::Done(reason)), _) => (format!("done: {reason}"), look.good()),
             (Some(State::Failed(reason)), _) => (format!("failed: {reason}"), look.bad()),
             (Some(State::Interrupted), _) => ("interrupted before its end".to_owned(), look.warn()),
-            (_, Some(rule)) => (format!("until {}", rule.describe()), look.dim()),
+            (_, Some(until)) => (format!("until {}", until.words), look.dim()),
             (_, None) => (String::new(), look.dim()),
         }
     }

@@ -12,6 +12,7 @@ use super::pane;
 use crate::experiment::{CellRef, StopRule, WaveRow};
 use crate::metrics::{Better, MetricSpec};
 use crate::tui::axis::{Axis, Scale};
+use crate::tui::curve::Curve;
 use crate::tui::look::Look;
 use crate::tui::model::{Current, Model};
 use crate::tui::view::{ChartX, View};
@@ -20,7 +21,7 @@ use crate::tui::words;
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
-    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.measure.metrics[..]);
+    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
     let spec = metrics.get(view.metric);
     let current = model.current.as_ref();
     let mut block = pane(look, headline(spec, current, view, area.width));
@@ -39,7 +40,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         frame.render_widget(Paragraph::new(note).style(look.dim()), inner);
         return;
     };
-    let points = points(current, view);
+    let points = points(&current.curve, view);
     if points.is_empty() {
         let width = usize::from(inner.width);
         let lines: Vec<Line> = words::wrap(note(current), width).into_iter().map(Line::from).collect();
@@ -47,16 +48,27 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         return;
     }
     let threshold = model.stop_rule(current.cell).and_then(|rule| threshold(rule, &spec.column));
-    plot(frame, inner, look, spec, &points, threshold);
+    // The cells before stand behind, so that techniques can be compared while they render.
+    let past = model.past.iter().filter(|(cell, _)| *cell != current.cell);
+    let past: Vec<Vec<(f64, f64)>> = past.map(|(_, curve)| self::points(curve, view)).collect();
+    plot(frame, inner, look, spec, &Lines { points, past, threshold });
+}
+
+/// What a chart shows.
+struct Lines {
+    /// The current cell.
+    points: Vec<(f64, f64)>,
+    /// The cells before it.
+    past: Vec<Vec<(f64, f64)>>,
+    /// Where the stop rule holds.
+    threshold: Option<f64>,
 }
 
 /// Why there is no curve.
 fn note(current: &Current) -> &'static str {
     match current.cell {
         CellRef::Reference(_) => "This is a reference: cells are measured against it, so it has no error of its own.",
-        CellRef::Cell(_)
-            if current.reference.is_none() && current.curve.rows().iter().all(|r| r.metrics.is_empty()) =>
-        {
+        CellRef::Cell(_) if current.reference.is_none() && current.curve.rows().all(|r| r.metrics.is_empty()) => {
             "This cell has no reference, so there is no error to show."
         }
         CellRef::Cell(_) => "No measurement can be plotted yet.",
@@ -123,12 +135,12 @@ fn x_of(row: &WaveRow, axis: ChartX) -> f64 {
 }
 
 /// Finite points with a positive place on the horizontal axis.
-fn points(current: &Current, view: &View) -> Vec<(f64, f64)> {
+fn points(curve: &Curve, view: &View) -> Vec<(f64, f64)> {
     let point = |row: &WaveRow| {
         let (x, y) = (x_of(row, view.chart_x), *row.metrics.get(view.metric)?);
         (x > 0.0 && x.is_finite() && y.is_finite()).then_some((x, y))
     };
-    current.curve.rows().iter().filter_map(point).collect()
+    curve.rows().filter_map(point).collect()
 }
 
 /// The value of `column` at which the rule, or a part of it, holds.
@@ -141,17 +153,19 @@ fn threshold(rule: &StopRule, column: &str) -> Option<f64> {
     }
 }
 
-fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, points: &[(f64, f64)], threshold: Option<f64>) {
+fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, lines: &Lines) {
+    let points = &lines.points[..];
     if area.width < 16 || area.height < 4 {
         return;
     }
     // Errors fall by powers; a quality such as SSIM or PSNR does not, and may be zero or negative.
     let log_y = spec.row.better == Better::Lower && points.iter().any(|p| p.1 > 0.0);
     let scale_y = if log_y { Scale::Log } else { Scale::Linear };
-    let threshold = threshold.filter(|t| near(*t, points, scale_y));
-    let values = points.iter().map(|p| p.1).chain(threshold);
+    let threshold = lines.threshold.filter(|t| near(*t, points, scale_y));
+    let all = || points.iter().chain(lines.past.iter().flatten());
+    let values = all().map(|p| p.1).chain(threshold);
     let y = Axis::around(values, scale_y, usize::from(area.height - 2) / 2);
-    let x = Axis::around(points.iter().map(|p| p.0), Scale::Log, usize::from(area.width) / 10);
+    let x = Axis::around(all().map(|p| p.0), Scale::Log, usize::from(area.width) / 10);
     let gutter = y.ticks.iter().map(|tick| tick.label.len()).max().unwrap_or(0) as u16;
     let plot = Rect {
         x: area.x + gutter + 1,
@@ -164,17 +178,30 @@ fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, points: &[
         let line = look.glyphs().threshold.repeat(usize::from(plot.width));
         frame.buffer_mut().set_string(plot.x, row, line, look.warn());
     }
-    let dots: Vec<(f64, f64)> = points.iter().filter_map(|p| Some((x.place(p.0)?, y.place(p.1)?))).collect();
+    let placed = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        points.iter().filter_map(|p| Some((x.place(p.0)?, y.place(p.1)?))).collect()
+    };
+    let dots = placed(points);
     let ink = look.glow().fg.unwrap_or(Color::Reset);
+    // Without colours nothing would tell the curves apart.
+    let past: Vec<Vec<(f64, f64)>> = match look.behind() {
+        Some(_) => lines.past.iter().map(|points| placed(points)).collect(),
+        None => Vec::new(),
+    };
+    let behind = look.behind().unwrap_or(Color::Reset);
     let canvas = Canvas::default()
         .marker(if look.ascii { Marker::Custom('*') } else { Marker::Braille })
         .x_bounds([0.0, 1.0])
         .y_bounds([0.0, 1.0])
         .paint(|ctx| {
-            ctx.draw(&Points { coords: &dots, color: ink });
-            for pair in dots.windows(2) {
-                ctx.draw(&Stroke { x1: pair[0].0, y1: pair[0].1, x2: pair[1].0, y2: pair[1].1, color: ink });
-            }
+            let mut draw = |dots: &[(f64, f64)], color| {
+                ctx.draw(&Points { coords: dots, color });
+                for pair in dots.windows(2) {
+                    ctx.draw(&Stroke { x1: pair[0].0, y1: pair[0].1, x2: pair[1].0, y2: pair[1].1, color });
+                }
+            };
+            past.iter().for_each(|dots| draw(dots, behind));
+            draw(&dots, ink);
         });
     frame.render_widget(canvas, plot);
 }

@@ -12,19 +12,25 @@ use crate::tui::model::Model;
 use crate::tui::view::View;
 use crate::tui::words;
 
-const KEYS: &[(&str, &str)] = &[
-    ("q Ctrl-C", "stop after this wave; again: leave now"),
+/// Keys that reach the night; of no use to those who only watch.
+const NIGHT: &[(&str, &str)] = &[
+    ("q Ctrl-C", "stop after this wave; again: now"),
+    ("Q", "stop after this cell, or not"),
     ("p Space", "pause, go on"),
-    ("s", "give up this cell"),
+    ("s   R", "give up this cell; restart it"),
+];
+
+const SCREEN: &[(&str, &str)] = &[
+    (":", "command bar: pause 64spp, show flip"),
+    ("/", "filter the plan"),
     ("Tab", "larger pane, in turn"),
     ("1 to 9", "metric of the chart"),
     ("x", "chart over time or spp"),
-    ("e E", "picture darker, brighter"),
-    ("j k arrows", "scroll plan or large log"),
-    ("PgUp PgDn", "by a page"),
-    ("Home End", "to the first, to the last"),
+    ("v   f", "next kind of picture; flicker"),
+    ("e E 0", "picture darker, brighter, as is"),
+    ("g", "tree, open tree, list"),
+    ("j k Pg", "scroll plan or large log"),
     ("Esc", "all panes, follow the night"),
-    ("? F1", "this help"),
 ];
 
 /// Columns of the keys and the spaces behind them.
@@ -53,7 +59,8 @@ pub fn draw(frame: &mut Frame, area: Rect, _model: &Model, view: &View) {
     let look = view.look;
     let room = usize::from(area.width).saturating_sub(KEY + 4);
     let mut lines: Vec<Line> = Vec::new();
-    for (key, text) in KEYS {
+    let night = if view.watching { &[("q Ctrl-C", "leave; the night goes on")][..] } else { NIGHT };
+    for (key, text) in night.iter().chain(SCREEN) {
         for (i, part) in words::wrap(text, room).into_iter().enumerate() {
             let key = if i == 0 { key } else { "" };
             lines.push(Line::from(vec![Span::styled(format!("{key:<KEY$}"), look.accent()), Span::raw(part)]));

@@ -5,10 +5,12 @@
 
 pub mod cell;
 pub mod chart;
+pub mod device;
 pub mod help;
 pub mod log;
 pub mod picture;
 pub mod plan;
+pub mod strategies;
 pub mod title;
 
 use ratatui::Frame;
@@ -36,6 +38,8 @@ pub struct Regions {
     pub chart: Rect,
     /// Its picture.
     pub picture: Rect,
+    /// The device.
+    pub device: Rect,
     /// The log.
     pub log: Rect,
     /// The line of keys at the bottom.
@@ -69,6 +73,7 @@ fn large(focus: Focus, area: Rect, regions: Regions) -> Regions {
         Focus::Picture => Regions { picture: area, ..regions },
         Focus::Chart => Regions { chart: area, ..regions },
         Focus::Log => Regions { log: area, ..regions },
+        Focus::Plan => Regions { plan: area, ..regions },
     }
 }
 
@@ -90,6 +95,9 @@ fn two_columns(body: Rect, focus: Focus) -> Regions {
     let [left, right] = columns(body, [Constraint::Length(left_width), Constraint::Fill(1)]);
     let cell_height = if body.height >= 34 { 12 } else { 9 };
     let [cell, rest] = rows(right, [Constraint::Length(cell_height), Constraint::Fill(1)]);
+    if focus == Focus::Plan {
+        return large(focus, body, Regions::default());
+    }
     if focus != Focus::Overview {
         return large(focus, rest, Regions { plan: left, cell, ..Regions::default() });
     }
@@ -97,21 +105,27 @@ fn two_columns(body: Rect, focus: Focus) -> Regions {
     let [chart, log] = rows(rest, [Constraint::Fill(1), Constraint::Length(log_height)]);
     // Half blocks make square pixels, so a square picture is half as many rows high as it is columns wide.
     let picture_height = (left_width / 2 + 1).min(body.height / 2);
-    let [plan, picture] = rows(left, [Constraint::Fill(1), Constraint::Length(picture_height)]);
-    Regions { plan, cell, chart, picture, log, ..Regions::default() }
+    let device_height = if body.height >= 34 { device::ROWS } else { 0 };
+    let heights = [Constraint::Fill(1), Constraint::Length(device_height), Constraint::Length(picture_height)];
+    let [plan, device, picture] = rows(left, heights);
+    Regions { plan, cell, chart, device, picture, log, ..Regions::default() }
 }
 
 fn three_columns(body: Rect, focus: Focus) -> Regions {
     let [left, middle, right] = columns(body, [Constraint::Fill(5), Constraint::Fill(6), Constraint::Fill(6)]);
     let [cell, chart] = rows(middle, [Constraint::Length(12), Constraint::Fill(1)]);
+    let [plan, device] = rows(left, [Constraint::Fill(1), Constraint::Length(device::ROWS)]);
+    if focus == Focus::Plan {
+        return large(focus, body, Regions::default());
+    }
     if focus != Focus::Overview {
         let wide = Rect { width: middle.width + right.width, ..chart };
         let cell = Rect { width: middle.width + right.width, ..cell };
-        return large(focus, wide, Regions { plan: left, cell, ..Regions::default() });
+        return large(focus, wide, Regions { plan, device, cell, ..Regions::default() });
     }
     let picture_height = (right.width / 2 + 1).min(body.height.saturating_sub(12));
     let [picture, log] = rows(right, [Constraint::Length(picture_height), Constraint::Fill(1)]);
-    Regions { plan: left, cell, chart, picture, log, ..Regions::default() }
+    Regions { plan, cell, chart, device, picture, log, ..Regions::default() }
 }
 
 /// Draws one pane.
@@ -131,6 +145,7 @@ pub fn draw(frame: &mut Frame, model: &Model, view: &View) {
         (regions.plan, plan::draw as Draw),
         (regions.cell, cell::draw),
         (regions.chart, chart::draw),
+        (regions.device, device::draw),
         (regions.picture, picture::draw),
         (regions.log, log::draw),
     ] {

@@ -1,28 +1,23 @@
-//! The live picture: two pixels in every character cell where colours and half blocks can be had.
+//! Pictures: live, reference, and their errors; two pixels in every character cell where colours and half blocks can be
+//! had.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use std::sync::Arc;
 
 use super::pane;
-use crate::film::{Image, SharedImage};
-use crate::tui::look::{Colors, Look};
+use crate::experiment::Outline;
+use crate::film::Image;
+use crate::tui::look::{Colors, Graphics, Look};
 use crate::tui::model::Model;
-use crate::tui::view::View;
+use crate::tui::preview::{Content, box_average};
+use crate::tui::view::{Picture, View};
+use crate::tui::words;
 
 /// From dark to bright, for terminals without colours.
 const SHADES: &[u8] = b" .:-=+*#%@";
-
-/// A picture reduced to the pixels of a pane, with what it was made of.
-#[derive(Debug)]
-pub struct Preview {
-    source: SharedImage,
-    size: [u32; 2],
-    reduced: Image,
-}
 
 /// Pixels that one character cell shows, one above the other.
 fn pixels_per_cell(look: Look) -> u32 {
@@ -38,34 +33,6 @@ fn fitted(image: [u32; 2], columns: u16, rows: u16, per_cell: u32) -> [u32; 2] {
     let pixel_height = 2.0 / f64::from(per_cell);
     let size = [w * scale, h * scale / pixel_height].map(|x| x.round().max(1.0) as u32);
     [size[0].min(u32::from(columns)), size[1].min(u32::from(rows) * per_cell)]
-}
-
-/// The image at another size, every new pixel the mean of the radiance that it covers. Non-finite pixels count as
-/// black.
-pub fn box_average(image: &Image, width: u32, height: u32) -> Image {
-    let columns: Vec<Vec<(u32, f32)>> = (0..width).map(|x| cover(x, width, image.width)).collect();
-    let rows: Vec<Vec<(u32, f32)>> = (0..height).map(|y| cover(y, height, image.height)).collect();
-    Image::from_fn(width, height, |x, y| {
-        let mut sum = [0.0f32; 3];
-        for (row, row_weight) in &rows[y as usize] {
-            for (column, weight) in &columns[x as usize] {
-                let pixel = image.at(*column, *row);
-                for c in 0..3 {
-                    sum[c] += row_weight * weight * if pixel[c].is_finite() { pixel[c] } else { 0.0 };
-                }
-            }
-        }
-        sum
-    })
-}
-
-/// The old pixels that new pixel `i` of `new` covers along one side, with their shares, which add up to one.
-fn cover(i: u32, new: u32, old: u32) -> Vec<(u32, f32)> {
-    let scale = f64::from(old) / f64::from(new);
-    let (from, to) = (f64::from(i) * scale, f64::from(i + 1) * scale);
-    let last = (to.ceil() as u32).min(old);
-    let share = |k: u32| (f64::from(k + 1).min(to) - f64::from(k).max(from)) / scale;
-    (from.floor() as u32..last).map(|k| (k, share(k) as f32)).filter(|(_, share)| *share > 0.0).collect()
 }
 
 /// The nearest of the 256 indexed colours: the 6x6x6 cube, or the 24 greys where they are closer.
@@ -103,40 +70,116 @@ fn shade(display: [f32; 3]) -> char {
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
-    let mut title = vec![Span::styled(" Picture ", look.strong())];
+    let kind = view.shown();
+    if kind == Picture::Strategies {
+        return super::strategies::draw(frame, area, model, view);
+    }
     let current = model.current.as_ref().and_then(|current| Some((current, current.image.as_ref()?)));
+    let mut title = vec![Span::styled(heading(kind), look.strong())];
+    if view.flicker {
+        title.push(Span::styled("flickers ", look.warn()));
+    }
     if let Some((_, image)) = current {
         title.push(Span::styled(format!("{}x{} px ", image.width, image.height), look.dim()));
     }
-    if view.exposure != 0.0 {
-        title.push(Span::styled(format!("{:+} stops ", view.exposure), look.warn()));
-    }
-    let block = pane(look, Line::from(title));
+    let mut block = pane(look, Line::from(title));
     let inner = block.inner(area);
-    frame.render_widget(block, area);
-    let (Some((_, image)), Some(plan)) = (current, &model.plan) else {
+    let (Some((current, image)), Some(plan)) = (current, &model.plan) else {
+        frame.render_widget(block, area);
         frame.render_widget(Paragraph::new("no picture yet").style(look.dim()), inner);
         return;
     };
     let per_cell = pixels_per_cell(look);
-    let size = fitted([image.width, image.height], inner.width, inner.height, per_cell);
-    let mut preview = view.preview.borrow_mut();
-    let fresh = |p: &&mut Preview| Arc::ptr_eq(&p.source, image) && p.size == size;
-    let preview = match preview.as_mut().filter(fresh) {
-        Some(preview) => preview,
-        None => preview.insert(Preview { source: image.clone(), size, reduced: box_average(image, size[0], size[1]) }),
+    let mut size = fitted([image.width, image.height], inner.width, inner.height, per_cell);
+    let cells = sharp_cells([image.width, image.height], inner, view);
+    if let Some([columns, rows]) = cells {
+        let [wide, high] = view.graphics.1;
+        size = [u32::from(columns) * u32::from(wide), u32::from(rows) * u32::from(high)];
+    }
+    let content = view.preview.borrow_mut().get(kind, size, image, current.reference.as_ref(), &plan.metrics);
+    let shown = match &*content {
+        Content::Radiance(reduced) => {
+            if view.exposure != 0.0 {
+                block = block.title_bottom(Line::styled(format!(" {:+} stops ", view.exposure), look.warn()));
+            }
+            displayed(reduced, view.exposure, plan)
+        }
+        Content::Map { width, height, colours, scale } => {
+            let unit = if kind == Picture::Flip { "" } else { " radiance" };
+            let (low, high) = (words::number(f64::from(scale[0])), words::number(f64::from(scale[1])));
+            block = block.title_bottom(Line::styled(format!(" {low} to {high}{unit} "), look.dim()));
+            let data = colours.iter().map(|rgb| rgb.map(|c| f32::from(c) / 255.0)).collect();
+            Image { width: *width, height: *height, data }
+        }
+        Content::Nothing(why) => {
+            frame.render_widget(block, area);
+            let lines: Vec<Line> = words::wrap(why, usize::from(inner.width)).into_iter().map(Line::from).collect();
+            frame.render_widget(Paragraph::new(lines).style(look.dim()), inner);
+            return;
+        }
     };
-    let brightness = view.exposure.exp2();
-    let exposed = Image::from_fn(size[0], size[1], |x, y| preview.reduced.at(x, y).map(|v| v * brightness));
-    let display = plan.measure.display.apply(&exposed);
-    let cell_rows = size[1].div_ceil(per_cell) as u16;
-    let at = Rect {
-        x: inner.x + (inner.width - size[0] as u16) / 2,
-        y: inner.y + (inner.height - cell_rows) / 2,
-        width: size[0] as u16,
-        height: cell_rows,
+    frame.render_widget(block, area);
+    let Some(cells) = cells else {
+        return paint(frame, centred(inner, &shown, per_cell), look, &shown, per_cell);
     };
-    paint(frame, at, look, &display, per_cell);
+    let mut sharp = view.sharp.borrow_mut();
+    if let Some(protocol) = sharp.get(view.graphics.0, kind, cells, view.exposure, &content, || shown) {
+        let [width, height] = cells;
+        let at =
+            Rect { x: inner.x + (inner.width - width) / 2, y: inner.y + (inner.height - height) / 2, width, height };
+        frame.render_widget(ratatui_image::Image::new(protocol), at);
+    }
+}
+
+/// The character cells that a picture in full resolution takes, as many as its aspect allows; `None` where pictures are
+/// blocks. Cells are whole, so that the aspect is off by less than one of them.
+fn sharp_cells(image: [u32; 2], inner: Rect, view: &View) -> Option<[u16; 2]> {
+    let (graphics, [wide, high]) = view.graphics;
+    // What lies over a picture would have to wait for its protocol, so that the help is shown over blocks.
+    let able = graphics != Graphics::Blocks && wide > 0 && high > 0 && view.look.colors != Colors::None && !view.help;
+    let (w, h) = (f64::from(image[0].max(1)), f64::from(image[1].max(1)));
+    let (wide, high) = (f64::from(wide), f64::from(high));
+    let scale = (f64::from(inner.width) * wide / w).min(f64::from(inner.height) * high / h);
+    let fit = |pixels: f64, cell: f64, most: u16| ((pixels * scale / cell).round() as u16).clamp(1, most.max(1));
+    able.then(|| [fit(w, wide, inner.width), fit(h, high, inner.height)])
+}
+
+/// What a picture is called on its frame.
+fn heading(kind: Picture) -> &'static str {
+    match kind {
+        Picture::Live => " Picture ",
+        Picture::Reference => " Reference ",
+        Picture::Difference => " Difference ",
+        Picture::Flip => " FLIP ",
+        Picture::Strategies => " Strategies ",
+    }
+}
+
+/// Display values of linear radiance under the plan's tone map, `stops` brighter.
+pub(super) fn displayed(linear: &Image, stops: f32, plan: &Outline) -> Image {
+    let brightness = stops.exp2();
+    let exposed =
+        Image { data: linear.data.iter().map(|pixel| pixel.map(|v| v * brightness)).collect(), ..linear.clone() };
+    plan.display.apply(&exposed)
+}
+
+/// Where a picture lies in the middle of an area.
+fn centred(inner: Rect, shown: &Image, per_cell: u32) -> Rect {
+    let (width, height) = (shown.width as u16, shown.height.div_ceil(per_cell) as u16);
+    Rect {
+        x: inner.x + inner.width.saturating_sub(width) / 2,
+        y: inner.y + inner.height.saturating_sub(height) / 2,
+        width: width.min(inner.width),
+        height: height.min(inner.height),
+    }
+}
+
+/// Draws a small picture into `area`, as large as its aspect allows.
+pub(super) fn thumbnail(frame: &mut Frame, area: Rect, view: &View, linear: &Image, plan: &Outline) {
+    let per_cell = pixels_per_cell(view.look);
+    let [width, height] = fitted([linear.width, linear.height], area.width, area.height, per_cell);
+    let shown = displayed(&box_average(linear, width, height), view.exposure, plan);
+    paint(frame, centred(area, &shown, per_cell), view.look, &shown, per_cell);
 }
 
 fn paint(frame: &mut Frame, at: Rect, look: Look, display: &Image, per_cell: u32) {

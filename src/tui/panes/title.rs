@@ -5,11 +5,16 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
+use crate::tui::command;
+use crate::tui::entry::Counts;
 use crate::tui::eta::Eta;
 use crate::tui::look::Look;
-use crate::tui::model::{Counts, Model};
-use crate::tui::view::{Focus, View};
+use crate::tui::model::Model;
+use crate::tui::view::{Focus, Prompt, View};
 use crate::tui::words;
+
+/// Seconds without news after which a night that is watched may have been cut off.
+const SILENCE_S: f64 = 60.0;
 
 /// The name of the night as its folder has it: the plan's name and the first digits of its hash.
 pub fn night_name(model: &Model) -> String {
@@ -28,16 +33,22 @@ fn status(model: &Model, view: &View) -> (&'static str, Style) {
     match () {
         () if model.plan.is_none() => ("starting", look.dim()),
         () if model.finished_s.is_some() => ("finished", look.good()),
-        () if view.stopping => ("stopping", look.warn()),
-        () if view.paused => ("paused", look.warn()),
+        () if view.watching => ("watching", look.accent()),
+        () if view.wishes.stopping => ("stopping", look.warn()),
+        () if view.wishes.paused => ("paused", look.warn()),
+        () if view.wishes.after_cell => ("ends after this cell", look.warn()),
         () => ("running", look.good()),
     }
 }
 
-/// Time that is left: `12.0 s left`, `at most 12.0 s left`.
+/// Time that is left: `12.0 s left`, with a sign for `at most` and `about`.
 pub fn time_left(look: Look, eta: Eta) -> String {
-    let at_most = if eta.at_most { format!("{} ", look.glyphs().at_most) } else { String::new() };
-    format!("{at_most}{} left", words::duration(eta.seconds))
+    let sign = match eta {
+        Eta { at_most: true, .. } => format!("{} ", look.glyphs().at_most),
+        Eta { forecast: true, .. } => format!("{} ", look.glyphs().about),
+        _ => String::new(),
+    };
+    format!("{sign}{} left", words::duration(eta.seconds))
 }
 
 /// The facts of the right-hand side, most important first.
@@ -58,6 +69,10 @@ fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
         facts.push((time_left(look, eta), look.strong()));
     }
     facts.push((format!("{} elapsed", words::duration(model.night_s(view.now_s))), look.dim()));
+    let silence = view.now_s - model.heard_s;
+    if view.watching && model.finished_s.is_none() && silence >= SILENCE_S {
+        facts.push((format!("no news for {}", words::duration(silence)), look.warn()));
+    }
     if model.invalid() > 0 {
         facts.push((format!("{} invalid", words::count(model.invalid())), look.bad()));
     }
@@ -100,7 +115,15 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
 pub fn hints(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
     let mut spans = vec![Span::raw(" ")];
-    if view.stopping && model.finished_s.is_none() {
+    if let Some(prompt) = &view.prompt {
+        return self::prompt(frame, area, prompt, view);
+    }
+    if let Some(notice) = view.notice.as_ref().filter(|notice| view.now_s < notice.until_s) {
+        spans.push(Span::styled(words::clean(&notice.text), look.warn()));
+        frame.render_widget(Line::from(spans), area);
+        return;
+    }
+    if view.wishes.stopping && model.finished_s.is_none() {
         spans.push(Span::styled("Ends after this wave. ", look.warn()));
         spans.push(Span::styled("q", look.accent()));
         spans.push(Span::styled(" again leaves now.", look.warn()));
@@ -108,15 +131,24 @@ pub fn hints(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         return;
     }
     let scroll = if view.focus == Focus::Log { "log" } else { "plan" };
-    let keys = [
-        ("q", "stop"),
-        ("p", if view.paused { "go on" } else { "pause" }),
-        ("s", "skip cell"),
+    let night: &[(&str, &str)] = if view.watching {
+        &[("q", "leave")]
+    } else {
+        let pause = if view.wishes.paused { "go on" } else { "pause" };
+        &[("q", "stop"), ("p", pause), ("s", "skip"), ("R", "restart")]
+    };
+    let screen = [
         ("Tab", "larger pane"),
-        ("j/k", scroll),
         ("1-9", "metric"),
+        ("v", "picture"),
+        ("f", "flicker"),
+        ("/", "filter"),
+        (":", "command"),
+        ("j/k", scroll),
         ("e/E", "exposure"),
+        ("g", "tree"),
     ];
+    let keys: Vec<(&str, &str)> = night.iter().copied().chain(screen).collect();
     // The way to the help is never left out.
     let help = [("?", "help")];
     let mut room = usize::from(area.width).saturating_sub(8);
@@ -131,6 +163,42 @@ pub fn hints(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         spans.push(Span::styled(format!(" {text}  "), look.dim()));
     }
     frame.render_widget(Line::from(spans), area);
+}
+
+/// Draws the line that is being typed, with its end in view.
+fn prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, view: &View) {
+    let look = view.look;
+    let (sign, text) = match prompt {
+        Prompt::Command(text) => (":", text),
+        Prompt::Filter(text) => ("/", text),
+    };
+    let room = usize::from(area.width).saturating_sub(3);
+    let mut shown = words::clean(&format!("|{text}|")).trim_matches('|').to_owned();
+    while words::width(&shown) > room {
+        shown.remove(0);
+    }
+    let mut spans =
+        vec![Span::styled(sign, look.accent()), Span::raw(shown), Span::styled(look.glyphs().cursor, look.accent())];
+    let hint = match prompt {
+        Prompt::Command(text) => hint(text),
+        Prompt::Filter(_) => Some("words of a cell or its state; Enter keeps, Esc clears".to_owned()),
+    };
+    let used: usize = spans.iter().map(Span::width).sum();
+    if let Some(hint) = hint.filter(|hint| used + words::width(hint) + 3 <= usize::from(area.width)) {
+        spans.push(Span::styled(format!("  {hint}"), look.dim()));
+    }
+    frame.render_widget(Line::from(spans), area);
+}
+
+/// The commands that what is typed may become, or what the only one is for.
+fn hint(text: &str) -> Option<String> {
+    let name = text.split_whitespace().next().unwrap_or("");
+    let matching: Vec<&command::Row> = command::COMMANDS.iter().filter(|(known, ..)| known.starts_with(name)).collect();
+    match matching.as_slice() {
+        [] => None,
+        [(name, argument, what)] => Some(format!("{name} {argument}: {what}").replace(" :", ":")),
+        several => Some(several.iter().map(|(name, ..)| *name).collect::<Vec<_>>().join(" ")),
+    }
 }
 
 /// Draws the one line of a terminal that is too small for panes.

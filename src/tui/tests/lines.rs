@@ -2,6 +2,7 @@
 
 use insta::assert_snapshot;
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use super::night::{self, Teller, in_the_middle};
@@ -33,8 +34,13 @@ impl Write for Page {
 
 fn told(night: &Teller, options: LineOptions) -> String {
     let page = Page::default();
-    let mut sink = LineSink::new(Box::new(page.clone()), options);
-    for (event, _) in &night.events {
+    // In milliseconds: the clock of the night that is told.
+    let now = Arc::new(AtomicU64::new(0));
+    let clock = Arc::clone(&now);
+    let clock = Box::new(move || clock.load(Ordering::Relaxed) as f64 / 1e3);
+    let mut sink = LineSink::with_clock(Box::new(page.clone()), options, clock);
+    for (event, at_s) in &night.events {
+        now.store((at_s * 1e3) as u64, Ordering::Relaxed);
         sink.hear(event).unwrap();
     }
     String::from_utf8(page.text.lock().unwrap().clone()).unwrap()
@@ -96,4 +102,19 @@ fn a_reader_that_leaves_costs_nothing() {
         sink.hear(event).unwrap();
     }
     assert!(!page.text.lock().unwrap().is_empty());
+}
+
+#[test]
+fn the_night_is_summed_up_once_a_minute() {
+    let mut night = Teller::new(Arc::new(night::plan_over(&(1..=9).collect::<Vec<_>>(), &[0.5])));
+    for i in 0..9 {
+        // 16.9 seconds each.
+        night.render(CellRef::Cell(i), 8).finish(CellRef::Cell(i), Some(8), Outcome::Done("256 spp".to_owned()));
+    }
+    let text = told(night.end(), LineOptions::default());
+    let sums: Vec<&str> = text.lines().filter(|line| line.contains("elapsed")).collect();
+    assert_eq!(sums.len(), 2, "{text}");
+    let first = "night first_light-3f9a: 3 of 9 cells, 0 of 1 reference, 1m08s elapsed, ";
+    assert!(sums[0].starts_with(first), "{}", sums[0]);
+    assert!(sums[0].ends_with("left, now depth=4 aa=0.5"), "{}", sums[0]);
 }

@@ -3,6 +3,6 @@
 mod fold;
 mod keys;
 mod lines;
-mod night;
+pub mod night;
 mod picture;
 mod screens;

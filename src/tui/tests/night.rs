@@ -116,6 +116,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             snapshots: Snapshots::Pow2,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
         script_text: String::new(),
@@ -194,7 +195,10 @@ impl Teller {
             OpenStats { accel_build_s: 0.0021, accel_nodes: 1234, device: "cpu, 2 threads, obvhs PLOC BVH".to_owned() };
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));
         let start = self.clock_s;
-        self.events.push((Event::CellStarted { cell, open, reference: reference.clone() }, start));
+        self.events.push((
+            Event::CellStarted { cell, open, reference: reference.clone(), resumed: Default::default() },
+            start,
+        ));
         for k in 0..=last {
             let mut row = row(k);
             if reference.is_none() {

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use super::night::{self, Teller};
 use crate::experiment::{CellRef, Event};
 use crate::film::Image;
-use crate::tui::look::{Colors, Look};
+use crate::tui::look::{Colors, Graphics, Look};
 use crate::tui::model::Model;
 use crate::tui::panes::picture;
+use crate::tui::preview::box_average;
 use crate::tui::view::View;
 
 /// The inside of a picture pane of `columns` x `rows`, drawn from `image`.
@@ -86,12 +87,12 @@ fn reducing_keeps_the_mean_at_any_size() {
     let image = night::picture(4);
     let mean = image.mean();
     for (w, h) in [(64, 64), (7, 5), (63, 64), (1, 1), (100, 90)] {
-        let reduced = picture::box_average(&image, w, h);
+        let reduced = box_average(&image, w, h);
         let m = reduced.mean();
         assert!((0..3).all(|c| (m[c] - mean[c]).abs() < 1e-4 * mean[c]), "{w}x{h}: {m:?} is not {mean:?}");
     }
     let broken = Image::from_fn(2, 1, |x, _| if x == 0 { [f32::NAN; 3] } else { [1.0; 3] });
-    assert_eq!(picture::box_average(&broken, 1, 1).data, [[0.5; 3]]);
+    assert_eq!(box_average(&broken, 1, 1).data, [[0.5; 3]]);
 }
 
 #[test]
@@ -102,4 +103,30 @@ fn without_colours_it_is_shades_and_without_half_blocks_spaces() {
     let spaces = drawn(flag(2, 2), Look { colors: Colors::True, ascii: true }, 0.0, 4, 2);
     assert_eq!((spaces[(0, 0)].symbol(), spaces[(0, 0)].bg), (" ", Color::Rgb(255, 0, 0)));
     assert_eq!(spaces[(0, 1)].bg, Color::Rgb(0, 255, 0));
+}
+
+#[test]
+fn terminals_that_can_get_every_pixel() {
+    let mut model: Model = Teller::new(night::plan()).model().0;
+    model.wave(CellRef::Cell(0), &night::row(0), 0.0, 1.0);
+    model.picture(CellRef::Cell(0), night::picture(16));
+    let first = |graphics| {
+        let mut terminal = Terminal::new(TestBackend::new(22, 12)).unwrap();
+        let view = View { graphics: (graphics, [8, 16]), ..View::new(TRUE) };
+        terminal.draw(|frame| picture::draw(frame, frame.area(), &model, &view)).unwrap();
+        let buffer = terminal.backend().buffer();
+        // A square of 20 columns and 10 rows: all of the inside.
+        (buffer[(1, 1)].symbol().to_owned(), buffer.content.iter().any(|cell| cell.symbol() == "\u{2580}"))
+    };
+    for (graphics, begins) in [
+        (Graphics::Kitty { tmux: false }, "\u{1b}_G"),
+        (Graphics::Sixel { tmux: false }, "\u{1b}P"),
+        (Graphics::Iterm2 { tmux: false }, "\u{1b}]1337;File="),
+        (Graphics::Sixel { tmux: true }, "\u{1b}Ptmux;"),
+    ] {
+        let (symbol, blocks) = first(graphics);
+        let head: String = symbol.chars().take(200).collect();
+        assert!(symbol.contains(begins) && !blocks, "{graphics:?}: {head:?}");
+    }
+    assert!(first(Graphics::Blocks).1);
 }

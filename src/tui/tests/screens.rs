@@ -11,7 +11,8 @@ use crate::experiment::{CellRef, Outcome};
 use crate::tui::look::{Colors, Look};
 use crate::tui::model::Model;
 use crate::tui::panes;
-use crate::tui::view::{ChartX, Focus, View};
+use crate::tui::thumbs::Thumb;
+use crate::tui::view::{ChartX, Focus, Notice, Picture, Prompt, View, Wishes};
 
 pub const RICH: Look = Look { colors: Colors::True, ascii: false };
 const PLAIN: Look = Look { colors: Colors::None, ascii: true };
@@ -61,9 +62,9 @@ fn a_reference_renders() {
 #[test]
 fn paused_and_stopping() {
     let (model, now_s) = in_the_middle().model();
-    let paused = View { paused: true, ..view(RICH, now_s + 61.0) };
+    let paused = View { wishes: Wishes { paused: true, ..Wishes::default() }, ..view(RICH, now_s + 61.0) };
     assert_snapshot!("paused-80", screen((80, 24), &model, &paused));
-    let stopping = View { stopping: true, ..view(RICH, now_s) };
+    let stopping = View { wishes: Wishes { stopping: true, ..Wishes::default() }, ..view(RICH, now_s) };
     assert_snapshot!("stopping-80", screen((80, 24), &model, &stopping));
 }
 
@@ -146,4 +147,43 @@ fn a_long_plan_scrolls_and_follows() {
     assert_snapshot!("long-follow-80", screen((80, 24), &model, &view(RICH, now_s)));
     let top = View { plan_top: Some(0), ..view(RICH, now_s) };
     assert_snapshot!("long-top-80", screen((80, 24), &model, &top));
+}
+
+#[test]
+fn every_kind_of_picture_has_its_place() {
+    let (mut model, now_s) = in_the_middle().model();
+    let draw = |model: &Model, picture| {
+        let view = View { picture, focus: Focus::Picture, ..view(RICH, now_s) };
+        screen((80, 24), model, &view)
+    };
+    assert!(draw(&model, Picture::Difference).contains("0 to 0."), "the scale stands below the map");
+    assert!(draw(&model, Picture::Flip).contains("FLIP"), "{}", draw(&model, Picture::Flip));
+    assert!(draw(&model, Picture::Reference).contains("Reference"));
+    assert!(draw(&model, Picture::Strategies).contains("No cell has kept"));
+    for (s, t) in [(0, 2), (1, 1), (0, 3), (1, 2), (2, 1)] {
+        for weighted in [true, false] {
+            model.strategy(CellRef::Cell(0), Thumb::of(s, t, weighted, &night::picture(64)));
+        }
+    }
+    assert_snapshot!("strategies-80", draw(&model, Picture::Strategies));
+}
+
+#[test]
+fn the_line_that_is_typed_and_its_answer_stand_at_the_bottom() {
+    let (model, now_s) = in_the_middle().model();
+    let last = |view: &View| screen((80, 24), &model, view).lines().last().unwrap().to_owned();
+    let typed = View { prompt: Some(Prompt::Command("pau".to_owned())), ..view(RICH, now_s) };
+    assert_snapshot!("prompt-80", last(&typed));
+    let notice = Notice { text: "there is no command `quit`".to_owned(), until_s: now_s + 1.0 };
+    let answered = View { notice: Some(notice), ..view(RICH, now_s) };
+    assert!(last(&answered).contains("there is no command `quit`"));
+    assert!(!last(&View { now_s: now_s + 2.0, ..answered }).contains("quit"), "it goes away");
+}
+
+#[test]
+fn a_night_that_is_watched_says_when_there_is_no_news() {
+    let (model, now_s) = in_the_middle().model();
+    let watched = View { watching: true, ..view(RICH, now_s + 90.0) };
+    let first = screen((120, 40), &model, &watched).lines().next().unwrap().to_owned();
+    assert!(first.contains("watching") && first.contains("no news for 1m30s"), "{first}");
 }

@@ -1,0 +1,463 @@
+//! Following a night from outside, by its files alone: the journal, the measurements of the run at hand, its pictures.
+//!
+//! Nothing is locked and nothing is written, so a folder can be followed while it grows, after its end, from another
+//! process, or on another machine to which it was copied. Whether a run is done is whether its last file is there, as
+//! everywhere; the journal only says when, and with what numbers.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use serde_json::Value as Json;
+
+use super::archive::{Decode, read_json};
+use super::tail::Tail;
+use super::{FILMS, StoreError, layout, list, outline, rows, seconds_of};
+use crate::experiment::event::Level;
+use crate::experiment::{CellConfig, CellRef, Outcome, Outline, WaveRow};
+use crate::film::Image;
+use crate::render::OpenStats;
+
+/// Something that a follower saw.
+#[derive(Clone, Debug)]
+pub enum Seen {
+    /// A night began in this folder; what earlier nights left is still there.
+    Began,
+    /// A run started.
+    Started {
+        /// Which.
+        cell: CellRef,
+        /// What it renders, as far as its folder says.
+        config: Option<Box<CellConfig>>,
+        /// What opening it cost.
+        open: OpenStats,
+        /// The image that it is measured against, if it is there.
+        reference: Option<Arc<Image>>,
+    },
+    /// It was measured; metrics are in the order of the outline.
+    Measured {
+        /// Which.
+        cell: CellRef,
+        /// The measurement.
+        row: WaveRow,
+    },
+    /// There is a newer picture of it.
+    Pictured {
+        /// Which.
+        cell: CellRef,
+        /// The picture.
+        image: Arc<Image>,
+    },
+    /// A film that it kept of one strategy.
+    Strategy {
+        /// Which.
+        cell: CellRef,
+        /// Vertices from the light.
+        s: u32,
+        /// Vertices from the camera.
+        t: u32,
+        /// Whether it is weighted against the others.
+        weighted: bool,
+        /// The film.
+        image: Arc<Image>,
+    },
+    /// It ended, or was found to have ended.
+    Ended {
+        /// Which.
+        cell: CellRef,
+        /// How.
+        outcome: Outcome,
+        /// Its last measurement, if it is known.
+        last: Option<WaveRow>,
+    },
+    /// A line for people.
+    Said {
+        /// Importance.
+        level: Level,
+        /// The run it is about, if any.
+        cell: Option<CellRef>,
+        /// The line.
+        text: String,
+    },
+    /// The night is over.
+    Over,
+}
+
+/// Something seen, and when it happened, in seconds since 1970.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    /// When it happened.
+    pub at_s: f64,
+    /// What.
+    pub seen: Seen,
+}
+
+/// The run at hand.
+#[derive(Debug)]
+struct Run {
+    cell: CellRef,
+    folder: PathBuf,
+    metrics: Tail,
+    /// For every metric of the outline its place in the rows of the file, once the header was read.
+    places: Option<Vec<Option<usize>>>,
+    /// Samples of the newest picture that was read.
+    pictured: u64,
+    running: bool,
+    /// Films of strategies that are still to be read.
+    films: VecDeque<PathBuf>,
+}
+
+/// Follows the night of one folder.
+#[derive(Debug)]
+pub struct Follower {
+    out: PathBuf,
+    decode: Decode,
+    outline: Arc<Outline>,
+    /// Cells and references by the ids of their runs.
+    ids: BTreeMap<String, Vec<CellRef>>,
+    /// The folder of every cell's run, and the reference that it is measured against.
+    cells: Vec<(PathBuf, Option<usize>)>,
+    /// The folder of every reference, or the file that it is.
+    references: Vec<PathBuf>,
+    journal: Tail,
+    /// When the first look came, everything that is there has to be told.
+    fresh: bool,
+    run: Option<Run>,
+    /// The reference that was read last.
+    recent: Option<(usize, Arc<Image>)>,
+    folder: PathBuf,
+}
+
+impl Follower {
+    /// Follows the night in an experiment's folder. References are looked for beside it, where a night keeps them.
+    ///
+    /// # Errors
+    /// When the folder has no plan that can be read.
+    pub fn open(folder: &Path, decode: Decode) -> Result<Follower, StoreError> {
+        let file = folder.join("plan.json");
+        let plan = read_json(&file).ok_or_else(|| StoreError::Io {
+            action: "read",
+            path: file.clone(),
+            reason: "there is no plan, or it is not whole (expected an experiment's folder; `lumbre ls` lists them)"
+                .into(),
+            full: false,
+        })?;
+        let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+        let out = folder.parent().map(Path::to_owned).unwrap_or_default();
+        let outline = outline::outline(&plan);
+        let mut ids: BTreeMap<String, Vec<CellRef>> = BTreeMap::new();
+        let lines = |key: &str| plan[key].as_array().map_or(&[][..], Vec::as_slice);
+        let mut known = |json: &Json, cell| {
+            let id = json["run"].as_str().unwrap_or_default().to_owned();
+            ids.entry(id).or_default().push(cell);
+        };
+        let mut cells = Vec::new();
+        for (i, cell) in lines("cells").iter().enumerate() {
+            known(cell, CellRef::Cell(i));
+            let place = folder.join("runs").join(cell["folder"].as_str().unwrap_or_default());
+            let reference = cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok());
+            cells.push((place, reference));
+        }
+        let mut references = Vec::new();
+        for (i, reference) in lines("references").iter().enumerate() {
+            known(reference, CellRef::Reference(i));
+            let id = reference["run"].as_str().unwrap_or_default().to_owned();
+            references.push(match reference["source"].as_str() {
+                Some(file) => PathBuf::from(file),
+                None => layout::reference_folder(&out, &crate::experiment::RunId(id)),
+            });
+        }
+        let journal = Tail::new(folder.join("journal.jsonl"));
+        let outline = Arc::new(outline);
+        Ok(Follower {
+            out,
+            decode,
+            outline,
+            ids,
+            cells,
+            references,
+            journal,
+            fresh: true,
+            run: None,
+            recent: None,
+            folder,
+        })
+    }
+
+    /// The plan.
+    pub fn outline(&self) -> &Arc<Outline> {
+        &self.outline
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// When a file of the night was last written to, as far as can be seen.
+    pub fn news_at(&self) -> Option<SystemTime> {
+        let written = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
+        let run = self.run.as_ref().and_then(|run| written(run.metrics.path()));
+        written(self.journal.path()).max(run)
+    }
+
+    /// What happened since the last look, oldest first. The first look tells everything that is there.
+    pub fn look(&mut self) -> Vec<Sight> {
+        let mut sights = Vec::new();
+        let news = self.journal.look();
+        let fresh = std::mem::take(&mut self.fresh) || news.anew;
+        let lines: Vec<Json> = news.text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        // Only the newest run is worth its rows and pictures: those of a whole night would be read to be thrown away.
+        let newest = lines.iter().rposition(|line| line["event"] == "cell_started");
+        if fresh {
+            self.what_is_there(&lines, &mut sights);
+        }
+        for (i, line) in lines.iter().enumerate() {
+            self.journal_line(line, newest == Some(i), fresh, &mut sights);
+        }
+        self.run_at_hand(&mut sights);
+        sights
+    }
+
+    fn journal_line(&mut self, line: &Json, newest: bool, fresh: bool, sights: &mut Vec<Sight>) {
+        let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
+        let id = line["run"].as_str().unwrap_or_default();
+        let which = self.ids.get(id).cloned().unwrap_or_default();
+        let mut see = |seen| sights.push(Sight { at_s, seen });
+        match line["event"].as_str().unwrap_or_default() {
+            "night_started" => see(Seen::Began),
+            "night_finished" => see(Seen::Over),
+            "cell_started" if newest => {
+                if let Some(cell) = which.first() {
+                    let (sight, run) = self.start(*cell, line);
+                    self.run = Some(run);
+                    sights.push(Sight { at_s, seen: sight });
+                }
+            }
+            "cell_finished" => {
+                if let Some(run) = self.run.as_mut().filter(|run| which.contains(&run.cell)) {
+                    run.running = false;
+                    // What was measured last is told before the end is.
+                    self.run_at_hand(sights);
+                }
+                for cell in which {
+                    let outcome = self.outcome(cell, line);
+                    // In the first look the folders have told who is done; the journal knows the numbers.
+                    let known = matches!(outcome, Outcome::Done(_)) == self.is_done(cell);
+                    if !fresh || known {
+                        sights.push(Sight { at_s, seen: Seen::Ended { cell, outcome, last: self.last_row(line) } });
+                    }
+                }
+            }
+            "message" => see(Seen::Said {
+                level: match line["level"].as_str() {
+                    Some("ERROR") => Level::Error,
+                    Some("WARN") => Level::Warn,
+                    _ => Level::Info,
+                },
+                cell: which.first().copied(),
+                text: line["text"].as_str().unwrap_or_default().to_owned(),
+            }),
+            _ => {}
+        }
+    }
+
+    /// Runs that are done without the journal saying so: it was lost, or they lie in a folder beside this one.
+    fn what_is_there(&self, lines: &[Json], sights: &mut Vec<Sight>) {
+        let told: std::collections::BTreeSet<&str> = lines
+            .iter()
+            .filter(|line| line["event"] == "cell_finished" && line["outcome"] == "done")
+            .filter_map(|line| line["run"].as_str())
+            .collect();
+        let mut elsewhere = None;
+        for (id, which) in self.ids.iter().filter(|(id, _)| !told.contains(id.as_str())) {
+            for cell in which {
+                let found = match cell {
+                    _ if self.is_done(*cell) => Some(self.place(*cell)),
+                    CellRef::Cell(_) => elsewhere
+                        .get_or_insert_with(|| list::finished_beside(&self.out, &self.outline.name, &self.folder))
+                        .get(id)
+                        .cloned(),
+                    CellRef::Reference(_) => None,
+                };
+                let Some(folder) = found else { continue };
+                let last = read_json(&folder.join("done.json")).and_then(|done| self.last_row(&done));
+                sights.push(Sight {
+                    at_s: 0.0,
+                    seen: Seen::Ended { cell: *cell, outcome: Outcome::Cached(folder), last },
+                });
+            }
+        }
+    }
+
+    fn place(&self, cell: CellRef) -> PathBuf {
+        match cell {
+            CellRef::Cell(i) => self.cells.get(i).map(|(place, _)| place.clone()).unwrap_or_default(),
+            CellRef::Reference(i) => self.references.get(i).cloned().unwrap_or_default(),
+        }
+    }
+
+    fn is_done(&self, cell: CellRef) -> bool {
+        let place = self.place(cell);
+        match cell {
+            CellRef::Cell(_) => place.join("done.json").is_file(),
+            CellRef::Reference(_) => place.join("ref.json").is_file() || place.is_file(),
+        }
+    }
+
+    fn outcome(&self, cell: CellRef, line: &Json) -> Outcome {
+        let reason = line["reason"].as_str().unwrap_or_default().to_owned();
+        match line["outcome"].as_str().unwrap_or_default() {
+            "done" => Outcome::Done(reason),
+            "failed" => Outcome::Failed(reason),
+            "cached" => Outcome::Cached(self.place(cell)),
+            _ => Outcome::Interrupted,
+        }
+    }
+
+    /// The last row as the journal or a `done.json` tells it; `None` before the first wave.
+    fn last_row(&self, json: &Json) -> Option<WaveRow> {
+        let number = |key: &str| json[key].as_f64().unwrap_or(0.0);
+        let count = |key: &str| json[key].as_u64().unwrap_or(0);
+        let metric = |json: &Json| json.as_f64().or_else(|| json.as_str()?.parse().ok());
+        let metrics: Vec<Option<f64>> =
+            self.outline.metrics.iter().map(|m| metric(&json["metrics"][m.column.as_str()])).collect();
+        let measured = metrics.iter().any(Option::is_some);
+        (count("samples") > 0).then(|| WaveRow {
+            wave: count("waves"),
+            samples: count("samples"),
+            render_s: number("render_s"),
+            wall_s: number("wall_s"),
+            paths: count("paths"),
+            rays: count("rays"),
+            invalid: count("invalid"),
+            first_invalid: super::archive::first_invalid(json),
+            metrics: if measured { metrics.iter().map(|m| m.unwrap_or(f64::NAN)).collect() } else { Vec::new() },
+        })
+    }
+
+    fn start(&mut self, cell: CellRef, line: &Json) -> (Seen, Run) {
+        let folder = self.place(cell);
+        let config = read_json(&folder.join("config.json")).and_then(|json| outline::config(&json["render"]));
+        let open = OpenStats {
+            device: line["device"].as_str().unwrap_or_default().to_owned(),
+            accel_build_s: line["accel_build_s"].as_f64().unwrap_or(0.0),
+            accel_nodes: line["accel_nodes"].as_u64().unwrap_or(0),
+        };
+        let reference = match cell {
+            CellRef::Cell(i) => self.cells.get(i).and_then(|(_, reference)| *reference),
+            CellRef::Reference(_) => None,
+        };
+        let reference = reference.and_then(|i| self.reference(i));
+        let metrics = Tail::new(folder.join("metrics.csv"));
+        let run = Run { cell, folder, metrics, places: None, pictured: 0, running: true, films: VecDeque::new() };
+        (Seen::Started { cell, config: config.map(Box::new), open, reference }, run)
+    }
+
+    fn reference(&mut self, i: usize) -> Option<Arc<Image>> {
+        if let Some((recent, image)) = &self.recent
+            && *recent == i
+        {
+            return Some(Arc::clone(image));
+        }
+        let place = self.references.get(i)?;
+        let file = if place.is_file() { place.clone() } else { place.join("ref.exr") };
+        let image = Arc::new(self.image(&file)?);
+        self.recent = Some((i, Arc::clone(&image)));
+        Some(image)
+    }
+
+    fn image(&self, file: &Path) -> Option<Image> {
+        (self.decode)(&fs::read(file).ok()?).ok()
+    }
+
+    /// New rows and a newer picture of the run at hand; once it has ended, the films of its strategies, one at a look.
+    fn run_at_hand(&mut self, sights: &mut Vec<Sight>) {
+        let Some(mut run) = self.run.take() else { return };
+        let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        let mut see = |seen| sights.push(Sight { at_s, seen });
+        for row in self.new_rows(&mut run) {
+            see(Seen::Measured { cell: run.cell, row });
+        }
+        let last = if run.running { run.pictured } else { u64::MAX };
+        if let Some((samples, file)) = newest_picture(&run.folder, run.running).filter(|(n, _)| *n > run.pictured)
+            && let Some(image) = self.image(&file)
+        {
+            run.pictured = samples;
+            see(Seen::Pictured { cell: run.cell, image: Arc::new(image) });
+            if !run.running && last == u64::MAX {
+                run.films = strategies(&run.folder).into();
+            }
+        }
+        if let Some(file) = run.films.pop_front()
+            && let (Some((s, t, weighted)), Some(image)) = (strategy(&file), self.image(&file))
+        {
+            see(Seen::Strategy { cell: run.cell, s, t, weighted, image: Arc::new(image) });
+        }
+        self.run = Some(run);
+    }
+
+    fn new_rows(&self, run: &mut Run) -> Vec<WaveRow> {
+        let news = run.metrics.look();
+        if news.anew {
+            run.places = None;
+        }
+        let Some(places) = &run.places else {
+            // The header comes with the first lines.
+            let Ok((columns, found)) = rows::parse(&news.text) else { return Vec::new() };
+            let place = |column: &str| columns.iter().position(|c| c == column);
+            let places: Vec<Option<usize>> = self.outline.metrics.iter().map(|m| place(&m.column)).collect();
+            let rows = found.into_iter().map(|row| placed(row, &places)).collect();
+            run.places = Some(places);
+            return rows;
+        };
+        let rows = rows::parse_more(&news.text);
+        rows.into_iter().map(|row| placed(row, places)).collect()
+    }
+}
+
+/// A row with its metrics in the order of the outline; none where none was measured.
+fn placed(row: WaveRow, places: &[Option<usize>]) -> WaveRow {
+    let metrics = if row.metrics.is_empty() {
+        Vec::new()
+    } else {
+        places.iter().map(|p| p.and_then(|p| row.metrics.get(p)).copied().unwrap_or(f64::NAN)).collect()
+    };
+    WaveRow { metrics, ..row }
+}
+
+/// The newest picture in a run's folder, and how new it is: snapshots count by their samples, the final picture of a run
+/// that has ended counts more than any of them.
+fn newest_picture(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
+    if !running {
+        let last = ["final.exr", "ref.exr"].map(|name| folder.join(name)).into_iter().find(|file| file.is_file());
+        if let Some(file) = last {
+            return Some((u64::MAX, file));
+        }
+    }
+    let entries = fs::read_dir(folder).ok()?.flatten();
+    let snapshots = entries.filter_map(|entry| {
+        let name = entry.file_name();
+        let samples = name.to_str()?.strip_prefix("snap-")?.strip_suffix(".exr")?.parse().ok()?;
+        Some((samples, entry.path()))
+    });
+    snapshots.max_by_key(|(samples, _)| *samples)
+}
+
+/// The films of strategies in a run's folder, ordered by name.
+fn strategies(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder.join(FILMS)).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|e| e.path()).filter(|file| strategy(file).is_some()).collect();
+    files.sort();
+    files
+}
+
+/// Vertices from the light and from the camera, and whether it is weighted: `strategies-s2-t1-raw.exr`.
+fn strategy(file: &Path) -> Option<(u32, u32, bool)> {
+    let name = file.file_name()?.to_str()?.strip_suffix(".exr")?.strip_prefix("strategies-s")?;
+    let (s, rest) = name.split_once("-t")?;
+    let (t, kind) = rest.split_once('-')?;
+    Some((s.parse().ok()?, t.parse().ok()?, kind == "weighted"))
+}

@@ -1,0 +1,97 @@
+//! A plan as its folder tells it: enough to show a night, whoever rendered it and wherever.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde_json::Value as Json;
+
+use crate::experiment::outline::{CellOutline, Outline, ReferenceOutline, Until};
+use crate::experiment::{CellConfig, Point, StopRule};
+use crate::film::layer::Layer;
+use crate::metrics::MetricSpec;
+use crate::metrics::tonemap::Tonemap;
+use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::value::Value;
+
+/// What `plan.json` says. Metrics that this program does not know, or knows otherwise, keep their column and lose their
+/// meaning: they are left out, and rows are matched by the names of columns.
+pub(super) fn outline(plan: &Json) -> Outline {
+    let stops: Vec<Arc<Until>> = list(&plan["stops"]).iter().map(until).collect();
+    let axes: Vec<String> = list(&plan["axes"]).iter().map(text).collect();
+    let cells = list(&plan["cells"]).iter().map(|cell| CellOutline {
+        point: point(&cell["point"]),
+        repeat: cell["repeat"].as_u64().and_then(|n| u32::try_from(n).ok()).unwrap_or(0),
+        until: cell["stop"].as_u64().and_then(|i| stops.get(usize::try_from(i).ok()?)).cloned(),
+        config: None,
+        scene: None,
+    });
+    let cells: Vec<CellOutline> = cells.collect();
+    let references = list(&plan["references"]).iter().map(|reference| ReferenceOutline {
+        file: reference["source"].as_str().map(PathBuf::from),
+        config: config(&reference["source"]).map(Arc::new),
+        scene: None,
+        until: reference["stop"].is_object().then(|| until(&reference["stop"])),
+    });
+    let display = Tonemap::from_value("display", &Value::from_json(&plan["measure"]["display"]));
+    Outline {
+        name: text(&plan["name"]),
+        hash: text(&plan["hash"]),
+        axes,
+        references: references.collect(),
+        repeated: cells.iter().any(|cell| cell.repeat > 0),
+        cells,
+        skipped: list(&plan["skipped"]).len(),
+        metrics: list(&plan["measure"]["metrics"]).iter().filter_map(metric).collect(),
+        display: display.unwrap_or(Tonemap::Srgb { exposure: 0.0 }),
+    }
+}
+
+fn list(json: &Json) -> &[Json] {
+    json.as_array().map_or(&[], Vec::as_slice)
+}
+
+fn text(json: &Json) -> String {
+    json.as_str().unwrap_or_default().to_owned()
+}
+
+fn point(json: &Json) -> Point {
+    json.as_object().into_iter().flatten().map(|(axis, value)| (axis.clone(), Value::from_json(value))).collect()
+}
+
+fn until(json: &Json) -> Arc<Until> {
+    let rule = StopRule::read(&Value::from_json(&json["rule"]));
+    Arc::new(Until { rule, words: text(&json["words"]) })
+}
+
+fn values(json: &Json) -> BTreeMap<String, Value> {
+    Value::from_json(json).as_map().cloned().unwrap_or_default()
+}
+
+fn metric(json: &Json) -> Option<MetricSpec> {
+    MetricSpec::new(json["column"].as_str()?, json["metric"].as_str()?, values(&json["options"])).ok()
+}
+
+/// What a run renders, from the `render` table of its `config.json` or of a plan's reference.
+pub(super) fn config(json: &Json) -> Option<CellConfig> {
+    let whole = |json: &Json| json.as_u64().and_then(|n| u32::try_from(n).ok());
+    let size = &json["resolution"];
+    Some(CellConfig {
+        scene: json["scene"].as_str()?.to_owned(),
+        scene_file: PathBuf::from(text(&json["scene_file"])),
+        scene_options: values(&json["scene_options"]),
+        integrator: json["integrator"].as_str()?.to_owned(),
+        params: values(&json["params"]),
+        max_depth: whole(&json["max_depth"]),
+        resolution: whole(&size[0]).zip(whole(&size[1])).map(|(w, h)| [w, h]),
+        rr_start: whole(&json["rr_start"]),
+        filter: FilterSpec {
+            kind: FilterKind::from_name(json["aa"]["filter"].as_str()?)?,
+            radius: json["aa"]["radius"].as_f64()? as f32,
+        },
+        films: list(&json["films"]).iter().filter_map(|name| Layer::from_name(name.as_str()?)).collect(),
+        sampler: text(&json["sampler"]),
+        set: values(&json["set"]),
+        backend: text(&json["backend"]),
+    })
+}

@@ -1,0 +1,155 @@
+//! The dashboard in a real terminal, from outside: tmux holds the terminal, types, and tells what is on the screen.
+//! Skipped, and said so, where there is no tmux.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "cli/workplace.rs"]
+#[allow(dead_code, reason = "every test binary uses its own part of this")]
+mod workplace;
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use workplace::{SLOW, Workplace};
+
+/// Longest that a screen is waited for before the test gives up; nothing is expected to come near.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A tmux server of its own with one terminal, ended with it.
+struct Terminal {
+    server: String,
+}
+
+impl Terminal {
+    /// Runs `lumbre` with these arguments in a terminal of this size, and after it a shell line that tells how it ended.
+    fn start(place: &Workplace, name: &str, size: (u16, u16), args: &str) -> Option<Terminal> {
+        if Command::new("tmux").arg("-V").output().is_err() {
+            println!("SKIPPED: there is no tmux");
+            return None;
+        }
+        let terminal = Terminal { server: format!("lumbre-test-{name}-{}", std::process::id()) };
+        let program = env!("CARGO_BIN_EXE_lumbre");
+        let line = format!("'{program}' {args}; echo ended with $?; sleep 600");
+        let (width, height) = (size.0.to_string(), size.1.to_string());
+        let folder = place.path(".");
+        let started = Command::new("tmux")
+            .args(["-L", &terminal.server, "-f", "/dev/null", "new-session", "-d", "-x", &width, "-y", &height, "-c"])
+            .arg(&folder)
+            .args(["env", "LC_ALL=C.UTF-8", "COLORTERM=truecolor", "sh", "-c", &line])
+            .status()
+            .unwrap();
+        assert!(started.success());
+        Some(terminal)
+    }
+
+    fn tmux(&self, args: &[&str]) -> String {
+        let output = Command::new("tmux").args(["-L", &self.server]).args(args).output().unwrap();
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    }
+
+    fn screen(&self) -> String {
+        self.tmux(&["capture-pane", "-p"])
+    }
+
+    fn press(&self, keys: &[&str]) {
+        self.tmux(&[&["send-keys"], keys].concat());
+    }
+
+    /// Waits until the screen holds all of these texts, and returns it.
+    fn wait_for(&self, texts: &[&str]) -> String {
+        let since = Instant::now();
+        loop {
+            let screen = self.screen();
+            if texts.iter().all(|text| screen.contains(text)) {
+                return screen;
+            }
+            assert!(since.elapsed() < PATIENCE, "waited for {texts:?}, the screen is\n{screen}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Whether a program has taken the whole screen.
+    fn is_taken(&self) -> bool {
+        self.tmux(&["display-message", "-p", "#{alternate_on}"]).trim() == "1"
+    }
+
+    /// Waits until the program has ended, and checks that it gave the terminal back.
+    fn wait_for_end(&self, status: i32) {
+        self.wait_for(&[&format!("ended with {status}")]);
+        assert!(!self.is_taken(), "the screen was not given back");
+        assert_eq!(self.tmux(&["display-message", "-p", "#{cursor_flag}"]).trim(), "1", "the cursor is not back");
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.tmux(&["kill-server"]);
+    }
+}
+
+/// The process that a terminal's shell started.
+fn program_of(terminal: &Terminal) -> String {
+    let shell = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]);
+    let output = Command::new("pgrep").args(["-P", shell.trim(), "lumbre"]).output().unwrap();
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
+
+#[test]
+fn a_night_is_lived_in_and_watched_from_beside() {
+    let place = Workplace::new();
+    place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
+    let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else { return };
+    let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? help"]);
+    assert!(night.is_taken());
+    assert_eq!(screen.trim_end_matches('\n').lines().count(), 24, "{screen}");
+
+    night.press(&["p"]);
+    night.wait_for(&["paused", "go on"]);
+    night.press(&["R"]);
+    night.wait_for(&["rendered again on"]);
+    night.press(&["?"]);
+    night.wait_for(&["Keys and signs"]);
+    night.press(&["Escape"]);
+    night.press(&["p"]);
+    night.wait_for(&["running"]);
+    night.press(&[":", "pause 2spp", "Enter"]);
+    night.wait_for(&["paused as asked"]);
+    night.tmux(&["resize-window", "-x", "200", "-y", "60"]);
+    let wide = night.wait_for(&["Device", "Plan 900 cells", "paused"]);
+    assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
+    night.tmux(&["resize-window", "-x", "30", "-y", "8"]);
+    night.wait_for(&["Lumbre"]);
+    night.tmux(&["resize-window", "-x", "100", "-y", "30"]);
+    night.wait_for(&["Picture", "Log"]);
+
+    let watcher = Terminal::start(&place, "watch", (100, 30), "watch").unwrap();
+    watcher.wait_for(&["slow-", "watching", "q leave", "mock"]);
+    watcher.press(&["p"]);
+    watcher.wait_for(&["it can only be watched from here"]);
+    watcher.press(&["q"]);
+    watcher.wait_for_end(0);
+
+    night.press(&["q"]);
+    night.wait_for_end(130);
+    let finished = Terminal::start(&place, "again", (80, 24), "watch out").unwrap();
+    finished.wait_for(&["slow-", "finished"]);
+    finished.press(&["C-c"]);
+    finished.wait_for_end(0);
+}
+
+#[test]
+fn the_terminal_is_given_back_to_those_who_end_the_program_from_outside() {
+    let place = Workplace::new();
+    place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
+    let Some(night) = Terminal::start(&place, "term", (80, 24), "run slow.lua") else { return };
+    night.wait_for(&["running", "Cell"]);
+    let program = program_of(&night);
+    assert!(!program.is_empty());
+    let watcher = Terminal::start(&place, "watcher", (80, 24), "watch").unwrap();
+    watcher.wait_for(&["watching"]);
+    let stop = |program: &str| assert!(Command::new("kill").args(["-TERM", program]).status().unwrap().success());
+    stop(&program_of(&watcher));
+    watcher.wait_for_end(0);
+    stop(&program);
+    night.wait_for_end(75);
+}
