@@ -16,6 +16,7 @@
 
 mod archive;
 mod describe;
+pub mod evidence;
 mod experiment;
 mod host;
 mod journal;
