@@ -19,7 +19,8 @@ use crate::output::plot::axis::Scale;
 /// Significance of bold values.
 const ALPHA: f64 = 0.05;
 
-const TEST: &str = "Bold: best of its row and group, significant at 5 % against every other (Welch's test over repeats, \
+/// What bold and ± mean, at the end of captions; the page says it once.
+pub(super) const TEST: &str = "Bold: best of its row and group, significant at 5 % against every other (Welch's test over repeats, \
                     Holm's correction). ± is the half width of the 95 % confidence interval of the mean.";
 
 /// One run's contribution.

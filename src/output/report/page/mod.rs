@@ -14,6 +14,7 @@ use super::Surroundings;
 use super::grid::Grid;
 use super::item::{Item, Kind, PROGRAM, Provenance};
 use super::study::{Shown, Study};
+use super::tables::TEST;
 use crate::experiment::evidence::State;
 use crate::metrics::map::Colours;
 use crate::output::labels;
@@ -147,6 +148,9 @@ fn document(
             <a href=\"#figures\">Figures</a><a href=\"#run-table\">Runs</a><a href=\"#methods\">Methods</a></nav>\n";
     out += include_str!("parts.html");
     out += "<section id=\"tables\">\n<h2>Tables</h2>\n";
+    if items.iter().filter_map(|item| item.grid.as_deref()).any(|grid| grid.caption.contains(TEST)) {
+        out += &format!("<p class=\"note\">{} Every number leads to its runs.</p>\n", escape(TEST));
+    }
     for grid in items.iter().filter_map(|item| item.grid.as_deref()) {
         out += &table(grid, &index);
     }
@@ -230,7 +234,8 @@ fn table(grid: &Grid, index: &BTreeMap<&str, usize>) -> String {
     }
     let stem = format!("tables/{}", grid.name);
     let links = ["md", "csv", "tex"].map(|e| format!("<a href=\"{}.{e}\">{e}</a>", escape(&stem))).join(" ");
-    out + &format!("</tbody></table></div>\n<p class=\"note\">{} {links}</p>\n", escape(&grid.caption))
+    let caption = grid.caption.replace(&format!(" {TEST}"), "");
+    out + &format!("</tbody></table></div>\n<p class=\"note\">{} {links}</p>\n", escape(&caption))
 }
 
 /// Significant digits of numbers below pictures.
