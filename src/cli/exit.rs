@@ -18,7 +18,7 @@ pub enum Exit {
     WorkLeft,
     /// A check of `verify` failed.
     NotVerified,
-    /// SIGTERM or SIGUSR1 ended the night between waves; the same command goes on.
+    /// SIGTERM or SIGHUP ended the night between waves; the same command goes on.
     Checkpointed,
     /// The user ended the night.
     Interrupted,

@@ -7,10 +7,11 @@ use serde_json::{Value as Json, json};
 use tracing::Level as LogLevel;
 
 use super::log::Log;
+use super::space::{self, patiently};
 use crate::experiment::event::Level;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
-use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
+use crate::experiment::{CellRef, Control, Event, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image};
 use crate::output::{exr, layer, plot, png};
@@ -26,8 +27,8 @@ pub struct Recorder<'a> {
     store: &'a Store,
     plan: Arc<Plan>,
     log: Log,
+    control: Arc<Control>,
     current: Option<Current>,
-    env_written: bool,
 }
 
 /// The run that is being filled.
@@ -49,13 +50,13 @@ struct Facts {
 }
 
 impl Facts {
-    fn metadata(&self, samples: u64, render_s: f64) -> Vec<(String, String)> {
+    /// No clock is among them: two nights that render the same write the same bytes.
+    fn metadata(&self, samples: u64) -> Vec<(String, String)> {
         let plan = (!self.plan.is_empty()).then(|| ("plan", self.plan.clone()));
         let pairs = [
             ("run", self.run.clone()),
             ("scene_hash", self.scene_hash.clone()),
             ("samples", samples.to_string()),
-            ("render_s", format!("{render_s:?}")),
             ("seed", self.seed.to_string()),
             ("device", self.device.clone()),
             ("program", PROGRAM.to_owned()),
@@ -65,29 +66,38 @@ impl Facts {
 }
 
 impl<'a> Recorder<'a> {
-    /// A recorder of one night of `plan`.
-    pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log) -> Recorder<'a> {
-        Recorder { store, plan, log, current: None, env_written: false }
+    /// A recorder of one night of `plan`. Where the disk is full it waits until `control` is asked to stop.
+    pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log, control: Arc<Control>) -> Recorder<'a> {
+        Recorder { store, plan, log, control, current: None }
     }
 
-    fn start(&mut self, cell: CellRef, open: &OpenStats, measured: bool) -> Result<(), SinkError> {
-        if !self.env_written {
-            self.store.write_env().map_err(lost)?;
-            self.env_written = true;
-        }
-        let mut writer = self.store.start(&self.plan, cell).map_err(lost)?;
+    fn start(
+        &mut self,
+        cell: CellRef,
+        open: &OpenStats,
+        measured: bool,
+        resumed: Option<&[WaveRow]>,
+    ) -> Result<(), SinkError> {
+        let before = resumed.unwrap_or_default();
+        let kept = resumed.map(|rows| rows.last().map_or(0, |row| row.samples));
+        let mut writer = self.patiently(|| self.store.start(&self.plan, cell, kept))?;
         if let CellRef::Cell(_) = cell {
             let columns = if measured { self.plan.columns() } else { Vec::new() };
             let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-            writer.open_metrics(&columns).map_err(lost)?;
+            self.patiently(|| writer.open_metrics(&columns, before))?;
         }
-        self.log.set_run(Some(writer.open_log().map_err(lost)?));
+        self.log.set_run(Some(self.patiently(|| writer.open_log())?));
         self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
         let facts = self.facts(cell, open);
         let fields = json!({ "run": facts.run, "path": self.path(cell), "device": open.device });
         self.current = Some(Current { cell, writer, open: open.clone(), facts });
         self.tell("cell_started", &fields);
         Ok(())
+    }
+
+    /// Writes, and waits where there is no space.
+    fn patiently<T>(&self, attempt: impl FnMut() -> Result<T, StoreError>) -> Result<T, SinkError> {
+        patiently(&self.control, &|| std::thread::sleep(space::STEP), attempt).map_err(lost)
     }
 
     fn facts(&self, cell: CellRef, open: &OpenStats) -> Facts {
@@ -121,11 +131,13 @@ impl<'a> Recorder<'a> {
         if let CellRef::Reference(_) = cell {
             return Ok(());
         }
-        current.writer.append_row(row).map_err(lost)?;
+        let wait = || std::thread::sleep(space::STEP);
+        patiently(&self.control, &wait, || current.writer.append_row(row)).map_err(lost)?;
         if keep {
-            let metadata = current.facts.metadata(row.samples, row.render_s);
+            let metadata = current.facts.metadata(row.samples);
             let bytes = exr::encode(image, &metadata).map_err(failed)?;
-            current.writer.write(&format!("snap-{}.exr", row.samples), &bytes).map_err(lost)?;
+            let name = format!("snap-{}.exr", row.samples);
+            patiently(&self.control, &wait, || current.writer.write(&name, &bytes)).map_err(lost)?;
         }
         Ok(())
     }
@@ -143,26 +155,26 @@ impl<'a> Recorder<'a> {
         };
         let Current { writer, open, facts, .. } = current;
         let last = rows.last().cloned().unwrap_or_default();
-        let metadata = facts.metadata(film.samples, last.render_s);
+        let metadata = facts.metadata(film.samples);
         let image = film.mean();
         let name = match cell {
             CellRef::Cell(_) => "final",
             CellRef::Reference(_) => {
-                writer.write_rows(rows).map_err(lost)?;
+                self.patiently(|| writer.write_rows(rows))?;
                 "ref"
             }
         };
         let linear = exr::encode(&image, &metadata).map_err(failed)?;
-        writer.write(&format!("{name}.exr"), &linear).map_err(lost)?;
+        self.patiently(|| writer.write(&format!("{name}.exr"), &linear))?;
         let shown = png::encode(&image, self.plan.measure.display, &metadata).map_err(failed)?;
-        writer.write(&format!("{name}.png"), &shown).map_err(lost)?;
+        self.patiently(|| writer.write(&format!("{name}.png"), &shown))?;
         self.keep_layers(cell, &writer, layers, &metadata)?;
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
-        writer.finish(&done).map_err(lost)
+        self.patiently(|| writer.finish(&done))
     }
 
     /// Writes the films of all layers, and the sheets on which they stand side by side.
@@ -181,12 +193,12 @@ impl<'a> Recorder<'a> {
             metadata.push(("film".to_owned(), name.clone()));
             metadata.push(("channels".to_owned(), row.channels.join(", ")));
             let linear = exr::encode(&layer.image, &metadata).map_err(failed)?;
-            writer.write(&format!("{FILMS}/{name}.exr"), &linear).map_err(lost)?;
+            self.patiently(|| writer.write(&format!("{FILMS}/{name}.exr"), &linear))?;
             let shown = layer::encode(layer, display, &metadata).map_err(failed)?;
-            writer.write(&format!("{FILMS}/{name}.png"), &shown).map_err(lost)?;
+            self.patiently(|| writer.write(&format!("{FILMS}/{name}.png"), &shown))?;
         }
         for (stem, bytes) in plot::sheets(layers, display, self.path(cell), metadata).map_err(failed)? {
-            writer.write(&format!("{FILMS}/{stem}.png"), &bytes).map_err(lost)?;
+            self.patiently(|| writer.write(&format!("{FILMS}/{stem}.png"), &bytes))?;
         }
         Ok(())
     }
@@ -231,7 +243,9 @@ impl Sink for Recorder<'_> {
                 self.tell("night_started", &fields);
                 Ok(())
             }
-            Event::CellStarted { cell, open, reference } => self.start(*cell, open, reference.is_some()),
+            Event::CellStarted { cell, open, reference, resumed } => {
+                self.start(*cell, open, reference.is_some(), resumed.as_deref().map(Vec::as_slice))
+            }
             Event::Wave { cell, row, image, pow2, .. } => self.wave(*cell, row, image, *pow2),
             Event::CellFinished { cell, outcome, film, layers, rows } => {
                 let kept = match (outcome, film) {
@@ -239,7 +253,7 @@ impl Sink for Recorder<'_> {
                     (Outcome::Done(_), None) => Err(SinkError("it is done but left no picture".to_owned())),
                     (Outcome::Failed(reason), _) => {
                         self.log.run_line(LogLevel::ERROR, &format!("failed: {reason}"));
-                        Ok(())
+                        self.store.fail(&self.plan, *cell, reason).map_err(lost)
                     }
                     (Outcome::Cached(_) | Outcome::Interrupted, _) => Ok(()),
                 };

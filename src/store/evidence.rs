@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value as Json;
 
 use super::archive::{first_invalid, read_json};
-use super::{StoreError, layout, rows};
+use super::{StoreError, layout, rows, seal};
 use crate::experiment::WaveRow;
 use crate::experiment::evidence::{Machine, Night, Run, State, Truth};
 use crate::metrics::MetricSpec;
@@ -25,6 +25,7 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
         action: "read",
         path: folder.join("plan.json"),
         reason: "it is not there or not whole; expected the folder of a night, such as out/latest".to_owned(),
+        full: false,
     })?;
     let out = folder.parent().unwrap_or(folder);
     let name = text(&plan["name"]);
@@ -69,7 +70,14 @@ impl Reader<'_> {
             Some(other) if !own.join("done.json").is_file() => other.clone(),
             _ => own,
         };
-        let done = read_json(&folder.join("done.json"));
+        let sealed = read_json(&folder.join("done.json"));
+        let done = sealed.filter(|done| match seal::glance(&folder, done) {
+            Ok(()) => true,
+            Err(reason) => {
+                self.notes.push(format!("{}: {reason}; the run does not count as finished", folder.display()));
+                false
+            }
+        });
         let config = read_json(&folder.join("config.json")).unwrap_or(Json::Null);
         self.learn_metrics(&config);
         let rows = self.rows(&folder, done.as_ref());
