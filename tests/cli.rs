@@ -11,6 +11,10 @@ mod errors;
 mod nights;
 #[path = "cli/reading.rs"]
 mod reading;
+#[path = "cli/report.rs"]
+mod report;
+#[path = "cli/reproduce.rs"]
+mod reproduce;
 #[cfg(unix)]
 #[path = "cli/signals.rs"]
 mod signals;

@@ -143,6 +143,18 @@ pub enum Verb {
     Metric(MetricArgs),
     /// Show where two pictures differ, and draw the error of every pixel
     Diff(DiffArgs),
+    /// Make figures, tables, data and an offline page of finished or running nights, without rendering
+    ///
+    /// Everything is drawn from what the folders say. Several nights are put side by side, each named by its device or
+    /// by --name; times of different devices never share an axis unnamed.
+    Report(ReportArgs),
+    /// Render again what a file of ours shows, and say whether it is the same
+    ///
+    /// FILE is a picture, figure, table or data file that Lumbre wrote, or a run's folder. Every run that it names is
+    /// found in its night and rendered again with the same samples. The answer for each is one of: identical (every bit
+    /// of the picture), equal within noise (with the p-value), or differs here (with the place and a map). Times are not
+    /// compared. Exit code 5 says that a picture differs.
+    Reproduce(ReproduceArgs),
     /// Print completions for a shell
     ///
     /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
@@ -413,6 +425,83 @@ impl DiffArgs {
     pub fn map_file(&self) -> Option<&Path> {
         self.out.as_deref().filter(|out| *out != Path::new(DEFAULT_OUT))
     }
+}
+
+/// `lumbre report`.
+#[derive(Args, Debug)]
+pub struct ReportArgs {
+    /// Folders of nights, such as out/latest
+    #[arg(required = true, value_name = "DIR")]
+    pub nights: Vec<PathBuf>,
+    /// Where the report goes [default: `report` in the night's folder; of several nights, `report` in the first]
+    #[arg(long, value_name = "DIR")]
+    pub to: Option<PathBuf>,
+    /// Axes whose values are compared: curves and columns [default: the one that chooses the integrator]
+    #[arg(long, value_name = "AXIS,..", value_delimiter = ',')]
+    pub by: Vec<String>,
+    /// Axes whose values stand apart: panels and rows [default: all others that vary]
+    #[arg(long, value_name = "AXIS,..", value_delimiter = ',')]
+    pub facet: Option<Vec<String>>,
+    /// Name of a night, in the order of the folders; give it again for the next
+    #[arg(long, value_name = "NAME")]
+    pub name: Vec<String>,
+    /// A window of the crops: left, top, width, height in pixels; give it again for more [default: two are chosen]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
+    pub crop: Vec<[u32; 4]>,
+    /// A table of the time until a metric first reached a value: `rmse=0.01`; give it again for more
+    #[arg(long, value_name = "COLUMN=VALUE", value_parser = threshold)]
+    pub threshold: Vec<(String, f64)>,
+    /// The render time in seconds of equal-time comparisons [default: the longest that all runs reached]
+    #[arg(long, value_name = "SECONDS", value_parser = positive_f64)]
+    pub at_time: Option<f64>,
+    /// The two axes of heat maps: across and down
+    #[arg(long, value_name = "AXIS,AXIS", value_parser = two_axes)]
+    pub heat: Option<[String; 2]>,
+}
+
+/// `lumbre reproduce`.
+#[derive(Args, Debug)]
+pub struct ReproduceArgs {
+    /// The file, or a run's folder
+    pub file: PathBuf,
+    /// Where maps of differences go [default: the current folder]
+    #[arg(long, value_name = "DIR")]
+    pub maps: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Reads `x,y,w,h`.
+fn window(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Vec<u32> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_slice() {
+        &[x, y, w, h] if w > 0 && h > 0 && text.split(',').count() == 4 => Ok([x, y, w, h]),
+        _ => Err(format!("expected left, top, width and height in pixels, such as 20,40,64,48, found `{text}`")),
+    }
+}
+
+/// Reads `column=value`.
+fn threshold(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').and_then(|(column, value)| Some((column.trim(), value.trim().parse().ok()?)));
+    match parts {
+        Some((column, value)) if !column.is_empty() && f64::is_finite(value) => Ok((column.to_owned(), value)),
+        _ => Err(format!("expected COLUMN=VALUE such as rmse=0.01, found `{text}`")),
+    }
+}
+
+/// Reads `axis,axis`.
+fn two_axes(text: &str) -> Result<[String; 2], String> {
+    match text.split(',').map(str::trim).collect::<Vec<_>>().as_slice() {
+        [a, b] if !a.is_empty() && !b.is_empty() && a != b => Ok([(*a).to_owned(), (*b).to_owned()]),
+        _ => Err(format!("expected two different axes such as depth,technique, found `{text}`")),
+    }
+}
+
+/// Reads a positive number of double precision.
+fn positive_f64(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
+    number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
 }
 
 /// Reads a positive number.

@@ -18,6 +18,8 @@ mod load;
 mod log;
 mod plan;
 mod recorder;
+mod report;
+mod reproduce;
 mod run;
 mod schema;
 mod signals;
@@ -73,6 +75,8 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Bench(args) => measure(args, global),
         Verb::Metric(args) => compare::metric(args, global),
         Verb::Diff(args) => compare::diff(args, global),
+        Verb::Reproduce(args) => reproduce::main(args, global),
+        Verb::Report(args) => report::main(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
     }

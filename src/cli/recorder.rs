@@ -42,6 +42,8 @@ struct Current {
 /// What every picture of a run says about itself.
 struct Facts {
     run: String,
+    /// The plan that rendered it; empty for references, which belong to no single plan.
+    plan: String,
     scene_hash: String,
     seed: u64,
     device: String,
@@ -50,6 +52,7 @@ struct Facts {
 impl Facts {
     /// No clock is among them: two nights that render the same write the same bytes.
     fn metadata(&self, samples: u64) -> Vec<(String, String)> {
+        let plan = (!self.plan.is_empty()).then(|| ("plan", self.plan.clone()));
         let pairs = [
             ("run", self.run.clone()),
             ("scene_hash", self.scene_hash.clone()),
@@ -58,7 +61,7 @@ impl Facts {
             ("device", self.device.clone()),
             ("program", PROGRAM.to_owned()),
         ];
-        pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+        pairs.into_iter().chain(plan).map(|(name, value)| (name.to_owned(), value)).collect()
     }
 }
 
@@ -111,6 +114,7 @@ impl<'a> Recorder<'a> {
         let hex = |hash: [u8; 32]| blake3::Hash::from(hash).to_hex().to_string();
         Facts {
             run: self.plan.id(cell).0.clone(),
+            plan: if let CellRef::Cell(_) = cell { self.plan.hash.clone() } else { String::new() },
             scene_hash: scene.map(|s| hex(content_hash(s))).unwrap_or_default(),
             seed,
             device: open.device.clone(),

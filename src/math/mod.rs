@@ -4,6 +4,7 @@ pub mod distribution;
 pub mod frame;
 pub mod rng;
 pub mod stats;
+pub mod student;
 pub mod warp;
 
 pub use frame::Frame;

@@ -89,7 +89,7 @@ fn upper_gamma_regularised(a: f64, x: f64) -> f64 {
 }
 
 /// ln Gamma(x) for x > 0 by Stirling's series after shifting x above 10.
-fn ln_gamma(x: f64) -> f64 {
+pub(super) fn ln_gamma(x: f64) -> f64 {
     let mut shift = 0.0;
     let mut y = x;
     while y < 10.0 {

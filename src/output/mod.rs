@@ -6,9 +6,11 @@
 pub mod exr;
 mod labels;
 pub mod layer;
+pub mod pdf;
 pub mod picture;
 pub mod plot;
 pub mod png;
+pub mod report;
 pub mod summary;
 pub mod table;
 

@@ -29,6 +29,21 @@ pub fn encode_map(map: &ErrorMap, scale: [f32; 2], meta: &[(String, String)]) ->
     encode_bytes([width, height], png::ColorType::Rgb, map.coloured(scale).as_flattened(), meta)
 }
 
+/// The text that a PNG carries, as pairs of keyword and text in the file's order; ours come without their prefix.
+///
+/// # Errors
+/// When it is no PNG, or damaged.
+pub fn texts(bytes: &[u8]) -> Result<Vec<(String, String)>, OutputError> {
+    let fail = |e: png::DecodingError| OutputError::PictureRead { reason: e.to_string() };
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().map_err(fail)?;
+    reader.finish().map_err(fail)?;
+    let info = reader.info();
+    let latin = info.uncompressed_latin1_text.iter().map(|t| (t.keyword.clone(), t.text.clone()));
+    let utf8 = info.utf8_text.iter().filter_map(|t| Some((t.keyword.clone(), t.get_text().ok()?)));
+    let plain = |(key, text): (String, String)| (key.strip_prefix(PREFIX).map(str::to_owned).unwrap_or(key), text);
+    Ok(latin.chain(utf8).map(plain).collect())
+}
+
 /// The PNG of 8-bit samples in row order, already in the sRGB transfer curve.
 pub(super) fn encode_bytes(
     [width, height]: [u32; 2],
@@ -96,6 +111,8 @@ mod tests {
         let utf8 = &info.utf8_text[0];
         assert_eq!((utf8.keyword.as_str(), utf8.get_text().unwrap().as_str()), ("lumbre.note", "σ = 0.5"));
         assert!(info.srgb.is_some());
+        assert_eq!(texts(&bytes).unwrap(), meta);
+        assert!(texts(&bytes[..40]).is_err() && texts(b"no PNG").is_err());
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod checkpoint;
 mod claim;
 mod condition;
 mod describe;
+pub mod evidence;
 mod experiment;
 mod failure;
 mod follow;

@@ -21,6 +21,8 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
     ("exr", &["output", "scene/load"]),
+    ("flate2", &["output"]),
+    ("pdf_writer", &["output"]),
     ("png", &["output"]),
     ("tobj", &["scene"]),
 ];

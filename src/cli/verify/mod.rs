@@ -7,7 +7,7 @@
 mod agreement;
 mod analytic;
 mod density;
-mod picture;
+pub(super) mod picture;
 pub mod references;
 mod report;
 pub mod technique;

@@ -51,7 +51,8 @@ impl Picture {
         Picture { mean, variance, find: 0.0 }
     }
 
-    fn of(film: &Film) -> Picture {
+    /// What a film holds.
+    pub fn of(film: &Film) -> Picture {
         let total = |sums: &[[f64; 3]]| sums.iter().flatten().sum::<f64>();
         let (sum, squares) = (total(&film.sum), total(&film.sum2));
         let find = if sum > 0.0 { squares / sum / film.samples as f64 } else { 0.0 };

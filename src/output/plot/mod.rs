@@ -3,12 +3,12 @@
 //! Here the figure's data is gathered; the module `layout` places and draws it. Only cells are drawn: references have no
 //! metrics. Interrupted and failed cells are drawn as far as they were measured.
 
-mod axis;
+pub(super) mod axis;
 mod layout;
-mod raster;
-mod sheet;
-mod style;
-mod svg;
+pub(super) mod raster;
+pub(super) mod sheet;
+pub(super) mod style;
+pub(super) mod svg;
 
 use std::collections::{BTreeMap, BTreeSet};
 

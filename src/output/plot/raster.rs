@@ -17,7 +17,7 @@ const ZOOM: f32 = 2.0;
 pub fn rasterize(svg: &str) -> Result<Vec<u8>, OutputError> {
     let (size, rgb) = pixels(svg, ZOOM)?;
     let meta: Vec<(String, String)> =
-        description(svg).map(|text| ("Description".to_owned(), text)).into_iter().collect();
+        element(svg, "desc").map(|text| ("Description".to_owned(), text)).into_iter().collect();
     png::encode_bytes(size, ::png::ColorType::Rgb, &rgb, &meta)
 }
 
@@ -27,9 +27,7 @@ pub fn rasterize(svg: &str) -> Result<Vec<u8>, OutputError> {
 /// As [`rasterize`].
 pub(super) fn pixels(svg: &str, zoom: f32) -> Result<([u32; 2], Vec<u8>), OutputError> {
     let fail = |reason: String| OutputError::Svg { reason };
-    let options =
-        usvg::Options { font_family: "Ubuntu".to_owned(), fontdb: Arc::clone(fonts()), ..usvg::Options::default() };
-    let tree = usvg::Tree::from_str(svg, &options).map_err(|e| fail(e.to_string()))?;
+    let tree = parse(svg)?;
     let [width, height] = [tree.size().width(), tree.size().height()].map(|side| (side * zoom).ceil() as u32);
     let mut pixmap = tiny_skia::Pixmap::new(width, height)
         .ok_or_else(|| fail(format!("{width}x{height} pixels are too many or none")))?;
@@ -39,10 +37,20 @@ pub(super) fn pixels(svg: &str, zoom: f32) -> Result<([u32; 2], Vec<u8>), Output
     Ok(([width, height], rgb))
 }
 
-/// The text of the document's `<desc>` element.
-fn description(svg: &str) -> Option<String> {
-    let (_, rest) = svg.split_once("<desc>")?;
-    rest.split_once("</desc>").map(|(text, _)| unescape(text))
+/// The parsed document, with text laid out in the embedded fonts.
+///
+/// # Errors
+/// When it is no SVG.
+pub fn parse(svg: &str) -> Result<usvg::Tree, OutputError> {
+    let options =
+        usvg::Options { font_family: "Ubuntu".to_owned(), fontdb: Arc::clone(fonts()), ..usvg::Options::default() };
+    usvg::Tree::from_str(svg, &options).map_err(|e| OutputError::Svg { reason: e.to_string() })
+}
+
+/// The text of the document's first element `name`, which has no attributes: `title` or `desc`.
+pub fn element(svg: &str, name: &str) -> Option<String> {
+    let (_, rest) = svg.split_once(&format!("<{name}>"))?;
+    rest.split_once(&format!("</{name}>")).map(|(text, _)| unescape(text))
 }
 
 fn fonts() -> &'static Arc<usvg::fontdb::Database> {

@@ -84,7 +84,7 @@ fn layer_part(layer: &LayerImage) -> Part {
 
 /// By how many powers of two paths of each length are brightened, from length 1: such that they are about as bright as
 /// the brightest of those that have met a surface.
-fn stops(layers: &[LayerImage]) -> Vec<f64> {
+pub fn stops(layers: &[LayerImage]) -> Vec<f64> {
     let mean = |image: &Image| image.mean().iter().sum::<f64>();
     let mut means: Vec<f64> = Vec::new();
     let by_depth = layers.iter().any(|layer| matches!(layer_part(layer), Part::Depth(_)));

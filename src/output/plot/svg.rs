@@ -89,6 +89,64 @@ impl Drawing {
         ));
     }
 
+    /// A line of dashes.
+    pub fn dashed(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64, dash: &str) {
+        let [x1, y1, x2, y2] = [x1, y1, x2, y2].map(number);
+        self.push(format_args!(
+            r#"<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{colour}" stroke-width="{width}" stroke-dasharray="{dash}"/>"#
+        ));
+    }
+
+    /// A filled rectangle: left, top, width, height.
+    pub fn fill(&mut self, [x, y, w, h]: [f64; 4], colour: &str) {
+        let [x, y, w, h] = [x, y, w, h].map(number);
+        self.push(format_args!(r#"<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="{colour}"/>"#));
+    }
+
+    /// A rectangle's outline of a given width: left, top, width, height.
+    pub fn outline(&mut self, [x, y, w, h]: [f64; 4], colour: &str, stroke: f64) {
+        let [x, y, w, h] = [x, y, w, h].map(number);
+        self.push(format_args!(
+            r#"<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="none" stroke="{colour}" stroke-width="{stroke}"/>"#
+        ));
+    }
+
+    /// A translucent area within corners.
+    pub fn area(&mut self, corners: &[(f64, f64)], colour: &str, opacity: f64) {
+        let corners: Vec<String> = corners.iter().map(|(x, y)| format!("{},{}", number(*x), number(*y))).collect();
+        self.push(format_args!(
+            r#"<polygon points="{}" fill="{colour}" fill-opacity="{opacity}"/>"#,
+            corners.join(" ")
+        ));
+    }
+
+    /// A PNG in the place left, top, width, height, its pixels kept apart.
+    pub fn image(&mut self, [x, y, w, h]: [f64; 4], png: &[u8]) {
+        let [x, y, w, h] = [x, y, w, h].map(number);
+        let data = base64(png);
+        self.push(format_args!(
+            r#"<image x="{x}" y="{y}" width="{w}" height="{h}" preserveAspectRatio="none" image-rendering="optimizeSpeed" style="image-rendering:pixelated" href="data:image/png;base64,{data}"/>"#
+        ));
+    }
+
+    /// A marker of a size relative to the usual, edged in a colour.
+    pub fn marker_of(&mut self, (x, y): (f64, f64), style: Style, size: f64, fill: &str, edge: &str) {
+        let look = format!(r##"fill="{fill}" stroke="{edge}" stroke-width="0.7""##);
+        match style.marker() {
+            None => self.push(format_args!(
+                r#"<circle cx="{}" cy="{}" r="{}" {look}/>"#,
+                number(x),
+                number(y),
+                number(3.3 * size)
+            )),
+            Some(corners) => {
+                let corner = |(dx, dy): &(f64, f64)| format!("{},{}", number(x + dx * size), number(y + dy * size));
+                let corners: Vec<String> = corners.iter().map(corner).collect();
+                self.push(format_args!(r#"<polygon points="{}" {look}/>"#, corners.join(" ")));
+            }
+        }
+    }
+
     /// A marker at a point, edged in white so that it stands out from lines that cross.
     pub fn marker(&mut self, (x, y): (f64, f64), style: Style) {
         let look = format!(r##"fill="{}" stroke="#ffffff" stroke-width="0.8""##, style.colour);
@@ -145,12 +203,20 @@ impl Drawing {
 
     /// The whole document on white, with a title and a description for readers and programs.
     pub fn finish(self, width: f64, height: f64, title: &str, description: &str) -> String {
+        self.finish_scaled(width, height, 1.0, title, description)
+    }
+
+    /// The same, shown `scale` times as large as its coordinates say.
+    pub fn finish_scaled(self, width: f64, height: f64, scale: f64, title: &str, description: &str) -> String {
+        let shown = [width, height].map(|side| number(side.ceil() * scale));
         let (width, height) = (number(width.ceil()), number(height.ceil()));
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" \
              viewBox=\"0 0 {width} {height}\" font-family=\"{FONTS}\" font-weight=\"300\">\n\
              <title>{}</title>\n<desc>{}</desc>\n\
              <rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n{}</svg>\n",
+            shown[0],
+            shown[1],
             escape(title),
             escape(description),
             self.body
@@ -202,6 +268,20 @@ fn number(x: f64) -> String {
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
+/// Bytes in base 64 with padding [RFC 4648].
+pub fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let word = chunk.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
+        for place in 0..4 {
+            let letter = LETTERS[(word >> (18 - 6 * place) & 63) as usize];
+            out.push(if place <= chunk.len() { char::from(letter) } else { '=' });
+        }
+    }
+    out
+}
+
 /// Text as XML character data; control characters, which XML cannot hold, become spaces.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -234,6 +314,15 @@ mod tests {
         assert_eq!(escape(hostile), "a&lt;b&gt; &amp; &quot;c&quot; &amp;lt;");
         assert_eq!(unescape(&escape(hostile)), hostile);
         assert_eq!(escape("bell\u{7}"), "bell ");
+    }
+
+    #[test]
+    fn base_64_has_the_vectors_of_its_standard() {
+        let cases = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")];
+        for (plain, coded) in cases {
+            assert_eq!(base64(plain.as_bytes()), coded);
+        }
+        assert_eq!(base64(&[255, 254, 253]), "//79");
     }
 
     #[test]

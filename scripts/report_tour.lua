@@ -1,0 +1,47 @@
+-- A small night with everything that `lumbre report` draws; docs/report.md shows what comes of it.
+--
+--     lumbre run scripts/report_tour.lua
+--     lumbre report out/latest
+--
+-- Three techniques, three times each with different seeds, in a box with a mirror and a glass sphere and under two lamps
+-- whose light is hard to find. Repeats give curves their bands and tables their significance; snapshots at powers of two
+-- let crops be chosen at equal time and at equal error afterwards; films show which strategy found which light, and how
+-- often it bounced.
+
+local x = experiment("report_tour", { seed = 11, repeats = 3 })
+
+x:axis("scene", { "cornell_spheres", "veach_lamps" })
+x:axis("technique", { "bpt", "nee", "bdpt" })
+
+x:render(function(p)
+  return {
+    scene = "scenes/" .. p.scene .. "/" .. p.scene .. ".scn",
+    integrator = p.technique,
+    max_depth = 5,
+    resolution = { 160, 120 },
+    films = p.technique == "bdpt" and { "strategies", "bounces", "depth" } or { "bounces" },
+  }
+end)
+
+-- One reference for each scene, by the technique that converges fastest in both.
+x:reference {
+  from = function()
+    return { integrator = "bdpt" }
+  end,
+  stop = stop.samples(1024),
+}
+
+local display = tonemap.srgb { exposure = 0 }
+x:measure {
+  every = "0.2s",
+  rmse = metric.rmse(),
+  relmse = metric.relmse { eps = 0.01 },
+  ssim = metric.ssim { on = display, range = 1 },
+  flip = metric.flip { on = display },
+  display = display,
+  keep = { exr = "pow2" },
+}
+
+x:stop(stop.any { stop.samples(256), stop.time("4s") })
+
+return x

@@ -1,0 +1,147 @@
+//! A run found by its id, and rendered again from what its folder says.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::Value as Json;
+
+use crate::cli::args::Global;
+use crate::cli::load::decode;
+use crate::film::layer::Layer;
+use crate::film::{Film, Image};
+use crate::render::{Job, backend};
+use crate::scene::desc::content_hash;
+use crate::scene::{SceneDesc, compile, edit, load};
+use crate::store;
+use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::integrator::integrator;
+use crate::transport::sampler::sampler;
+use crate::value::Value;
+
+/// Samples that are added at a time.
+const STEP: u64 = 64;
+
+/// A run as its folder has it.
+pub struct Stored {
+    /// Its id.
+    pub run: String,
+    /// Its readable path, or the id.
+    pub name: String,
+    /// The picture that is to be made again.
+    pub image: Image,
+    /// Its samples per pixel.
+    pub samples: u64,
+    config: Json,
+    scene_hash: Option<String>,
+    /// The folder in which the night was started, from which its paths are meant.
+    started_in: Option<PathBuf>,
+}
+
+/// Finds a run: in the file's own folder, in the night that the file lies in, or below `out`.
+///
+/// # Errors
+/// When it is nowhere, or has no picture with that many samples; in words for people.
+pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<Stored, String> {
+    let folder = folder_of(id, file, out)?;
+    let record = store::read_run(out, &folder.to_string_lossy()).map_err(|e| e.to_string())?;
+    let done = record.done.unwrap_or(Json::Null);
+    let total = done["samples"].as_u64();
+    let reference = folder.join("ref.exr");
+    let last = if reference.is_file() { reference } else { folder.join("final.exr") };
+    let picture = match samples {
+        Some(samples) if Some(samples) != total => folder.join(format!("snap-{samples}.exr")),
+        _ => last,
+    };
+    let samples = samples.or(total).ok_or_else(|| format!("{} is not finished", folder.display()))?;
+    let bytes = std::fs::read(&picture).map_err(|e| format!("{}: {e}", picture.display()))?;
+    let image = decode(&bytes).map_err(|e| format!("{}: {e}", picture.display()))?;
+    let name = record.config["path"].as_str().filter(|p| !p.is_empty()).unwrap_or(id).to_owned();
+    let scene_hash = done["scene_hash"].as_str().map(str::to_owned);
+    let env = folder.ancestors().find_map(|above| std::fs::read(above.join("env.json")).ok());
+    let env: Option<Json> = env.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let started_in = env.and_then(|env| env["folder"].as_str().map(PathBuf::from));
+    Ok(Stored { run: id.to_owned(), name, image, samples, config: record.config, scene_hash, started_in })
+}
+
+fn folder_of(id: &str, file: &Path, out: &Path) -> Result<PathBuf, String> {
+    let file = std::fs::canonicalize(file).map_err(|e| format!("{}: {e}", file.display()))?;
+    for folder in file.ancestors() {
+        if folder.file_name().is_some_and(|name| name == id) && folder.join("config.json").is_file() {
+            return Ok(folder.to_owned());
+        }
+        if folder.join("plan.json").is_file()
+            && let Ok(night) = store::evidence::night(folder)
+            && let Some(run) = night.runs.into_iter().find(|run| run.id == id && run.folder.is_dir())
+        {
+            return Ok(run.folder);
+        }
+    }
+    store::read_run(out, id).map(|record| record.folder).map_err(|e| e.to_string())
+}
+
+/// Renders a run again.
+///
+/// # Errors
+/// When what its folder names is not there or is not what it was, in words for people.
+pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
+    let render = &stored.config["render"];
+    let text = |key: &str| render[key].as_str().ok_or_else(|| format!("its config.json has no `render.{key}`"));
+    let scene = scene(render, stored.started_in.as_deref(), global)?;
+    let hash = blake3::Hash::from(content_hash(&scene)).to_hex().to_string();
+    if let Some(before) = stored.scene_hash.as_ref().filter(|before| **before != hash) {
+        return Err(format!("the scene {} is not what it was (hash {hash:.8}, then {before:.8})", text("scene")?));
+    }
+    let whole = |json: &Json| json.as_u64().and_then(|n| u32::try_from(n).ok());
+    let pair = |json: &Json| Some([whole(&json[0])?, whole(&json[1])?]);
+    let (compiled, _) = compile(&scene).map_err(|e| e.to_string())?;
+    let name = text("integrator")?;
+    let kind = render["aa"]["filter"].as_str().and_then(FilterKind::from_name);
+    let radius = render["aa"]["radius"].as_f64().ok_or("its config.json has no `render.aa.radius`")? as f32;
+    let films = render["films"].as_array().into_iter().flatten().filter_map(Json::as_str);
+    let params = match Value::from_json(&render["params"]) {
+        Value::Map(params) => params,
+        _ => Default::default(),
+    };
+    let job = Job {
+        integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}` any more"))?,
+        params,
+        resolution: pair(&render["resolution"]).unwrap_or(scene.resolution),
+        max_depth: whole(&render["max_depth"]).unwrap_or(scene.max_depth),
+        rr_start: whole(&render["rr_start"]),
+        filter: FilterSpec { kind: kind.ok_or("its pixel filter is unknown")?, radius },
+        layers: films.filter_map(Layer::from_name).collect(),
+        sampler: text("sampler").map(sampler)?.ok_or("its sampler is unknown")?,
+        seed: stored.config["seed"].as_u64().ok_or("its config.json has no seed")?,
+        threads: global.threads,
+    };
+    let wanted = global.backend.as_deref().map_or_else(|| text("backend"), Ok)?;
+    let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`"))?;
+    (row.probe)().map_err(|reason| format!("backend `{wanted}` cannot be used here: {reason}"))?;
+    let mut renderer = (row.open)(Arc::new(compiled), job).map_err(|e| e.to_string())?;
+    while renderer.film().samples < stored.samples {
+        let left = stored.samples - renderer.film().samples;
+        let stats = renderer.advance(left.min(STEP)).map_err(|e| e.to_string())?;
+        if stats.samples == 0 {
+            return Err("the renderer adds no samples".to_owned());
+        }
+    }
+    Ok(renderer.film().clone())
+}
+
+/// The scene with its changes, from the file where it was, as seen from here or from where the night was started.
+fn scene(render: &Json, started_in: Option<&Path>, global: &Global) -> Result<SceneDesc, String> {
+    let names = ["scene_file", "scene"].iter().filter_map(|key| render[*key].as_str());
+    let places: Vec<PathBuf> =
+        names.flat_map(|name| [Some(PathBuf::from(name)), started_in.map(|s| s.join(name))]).flatten().collect();
+    let file = places.iter().find(|path| path.is_file()).ok_or_else(|| {
+        format!(
+            "its scene is not there: {}",
+            places.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
+        )
+    })?;
+    let (mut scene, _) = load::load_with(file, global.missing()).map_err(|e| e.to_string())?;
+    if let Value::Map(changes) = Value::from_json(&render["set"]) {
+        edit::apply(&mut scene, &changes).map_err(|e| e.to_string())?;
+    }
+    Ok(scene)
+}

@@ -1,0 +1,398 @@
+//! Error against render time and against samples: a panel for each facet, a band for each series.
+
+use super::curve::{Band, BandKind, Curve, band};
+use super::item::{Item, Kind, Provenance};
+use super::latex;
+use super::study::{Shown, Study};
+use crate::experiment::spec::FigureX;
+use crate::metrics::MetricSpec;
+use crate::output::labels;
+use crate::output::plot::axis::{Axis, Scale};
+use crate::output::plot::style::{FAINT, FRAME, INK, Style, style};
+use crate::output::plot::svg::{Anchor, Drawing, Font, text_width, wrap};
+
+/// Width of a figure over both columns of a page and over one, in points [ACM's two-column format].
+pub const FULL: f64 = 506.0;
+/// The width of one column.
+pub const COLUMN: f64 = 241.0;
+/// How much larger than on paper figures are shown on screens.
+pub const SCREEN: f64 = 1.6;
+
+/// Most panels of one figure, and of one row.
+const MOST_PANELS: usize = 6;
+const MOST_COLUMNS: usize = 3;
+
+const PLOT_HEIGHT: f64 = 118.0;
+const LEFT: f64 = 31.0;
+const GAP: f64 = 12.0;
+const HEAD: f64 = 24.0;
+const FOOT: f64 = 31.0;
+/// Room that direct labels may take to the right of a panel; longer ones go into a legend.
+const WIDEST_LABEL: f64 = 44.0;
+
+const HEADING: Font = Font::strong(8.5);
+const LABEL: Font = Font::new(7.6, INK);
+const TICK: Font = Font::new(7.0, INK);
+const SMALL: Font = Font::new(7.2, FAINT);
+const LIGHT_GRID: &str = "#e4e4e4";
+const FLOOR: &str = "#d9d9d9";
+
+/// One panel's data.
+struct Panel {
+    heading: String,
+    axes: Option<(Axis, Axis)>,
+    lines: Vec<Line>,
+    /// The noise floor of the reference as drawn, where it is known.
+    floor: Option<f64>,
+}
+
+/// One series in a panel.
+struct Line {
+    series: usize,
+    style: Style,
+    band: Option<Band>,
+    curves: Vec<Curve>,
+    /// Where each run that finished stopped.
+    stops: Vec<(f64, f64)>,
+}
+
+/// The figures of one metric against one x: one, or several if there are more than six facets.
+pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<Item> {
+    let spec = &study.metrics[metric];
+    let word = if x == FigureX::RenderS { "time" } else { "samples" };
+    let pages: Vec<Vec<usize>> =
+        (0..study.facets.len()).collect::<Vec<_>>().chunks(MOST_PANELS).map(<[usize]>::to_vec).collect();
+    let page = |(number, facets): (usize, &Vec<usize>)| {
+        let panels: Vec<Panel> = facets.iter().map(|facet| panel(study, *facet, metric, x)).collect();
+        if panels.iter().all(|panel| panel.axes.is_none()) {
+            return None;
+        }
+        let suffix = if pages.len() > 1 { format!("-{}", number + 1) } else { String::new() };
+        let shown = Shown::of(spec);
+        let unit = spec.unit();
+        let y_label = if unit.is_empty() { shown.label(spec) } else { format!("{} ({unit})", shown.label(spec)) };
+        let x_label = x_label(study, x);
+        let title = format!("{} against {}", shown.label(spec), if word == "time" { "render time" } else { "samples" });
+        let caption = caption(study, spec, &panels, x);
+        let provenance = provenance(study, facets);
+        let svg = draw(study, &panels, &y_label, &x_label, &title, &provenance.text());
+        let stem = format!("figures/error-{word}-{}{suffix}", spec.column);
+        let extra = pgfplots(study, &panels, &y_label, &x_label, &stem, &caption, &provenance, shown);
+        Some(Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra, provenance })
+    };
+    pages.iter().enumerate().filter_map(page).collect()
+}
+
+fn provenance(study: &Study, facets: &[usize]) -> Provenance {
+    let members = facets.iter().flat_map(|f| (0..study.series.len()).map(move |s| (*f, s)));
+    Provenance::of(members.flat_map(|(f, s)| study.members(f, s)))
+}
+
+fn x_label(study: &Study, x: FigureX) -> String {
+    match x {
+        FigureX::Samples => "samples per pixel".to_owned(),
+        FigureX::RenderS if study.devices.len() == 1 => format!("render time (s) on {}", study.devices[0]),
+        FigureX::RenderS => "render time (s)".to_owned(),
+    }
+}
+
+fn panel(study: &Study, facet: usize, metric: usize, x: FigureX) -> Panel {
+    let shown = Shown::of(&study.metrics[metric]);
+    let mut lines = Vec::new();
+    let mut floor: Option<f64> = None;
+    for series in 0..study.series.len() {
+        let members = study.members(facet, series);
+        let curve = |member: &super::study::Member| {
+            let point = |row: &crate::experiment::WaveRow| {
+                let at = if x == FigureX::RenderS { row.render_s } else { row.samples as f64 };
+                Some((at, member.value(row, metric)?))
+            };
+            Curve::new(shown, member.run.rows.iter().filter_map(point))
+        };
+        let curves: Vec<Curve> = members.iter().map(curve).collect();
+        let stopped = members.iter().zip(&curves).filter(|(m, _)| m.run.done());
+        let stops = stopped.filter_map(|(_, c)| c.points.last().copied()).collect();
+        for member in &members {
+            let own = member.run.floors.iter().find(|(c, _)| *c == study.metrics[metric].column);
+            let value = own.and_then(|(_, value)| shown.value(*value));
+            floor = floor.into_iter().chain(value).reduce(f64::max);
+        }
+        let curves: Vec<Curve> = curves.into_iter().filter(|c| !c.points.is_empty()).collect();
+        if !curves.is_empty() {
+            lines.push(Line { series, style: style(series), band: band(&curves), curves, stops });
+        }
+    }
+    let points = || lines.iter().flat_map(|l| &l.curves).flat_map(|c| &c.points);
+    let ends = lines.iter().filter_map(|l| l.band.as_ref()).flat_map(|b| &b.ends).flat_map(|(a, b)| [*a, *b]);
+    // A band that reaches far below its curve, as that of few wild repeats, must not squeeze the curves.
+    let (low, high) = points().map(|p| p.1).fold((f64::INFINITY, 0.0f64), |(a, b), y| (a.min(y), b.max(y)));
+    let near = |y: &f64| *y > low / 1.6 && *y < high * 1.6;
+    let y_values: Vec<f64> = match shown.scale {
+        Scale::Log => points().map(|p| p.1).chain(ends.filter(near)).chain(floor.filter(|f| *f > low / 4.0)).collect(),
+        Scale::Linear => points().map(|p| p.1).chain(ends).collect(),
+    };
+    let axes = Axis::new(Scale::Log, points().map(|p| p.0)).zip(Axis::new(shown.scale, y_values));
+    Panel { heading: study.facet_label(facet), axes, lines, floor }
+}
+
+fn draw(study: &Study, panels: &[Panel], y_label: &str, x_label: &str, title: &str, description: &str) -> String {
+    let columns = panels.len().min(MOST_COLUMNS);
+    let rows = panels.len().div_ceil(columns);
+    let widest = study.series.iter().map(|s| text_width(&s.full(), LABEL.size)).fold(0.0, f64::max);
+    let direct = widest <= WIDEST_LABEL && study.series.len() <= 8;
+    let right = if direct { widest + 9.0 } else { 6.0 };
+    let width = if columns == 1 { COLUMN } else { FULL };
+    let plot = (width - columns as f64 * (LEFT + right) - (columns - 1) as f64 * GAP) / columns as f64;
+    let mut drawing = Drawing::default();
+    let headings = panels.iter().any(|p| !p.heading.is_empty());
+    let head = if headings { HEAD } else { HEAD - 10.0 };
+    for (i, panel) in panels.iter().enumerate() {
+        let left = LEFT + (i % columns) as f64 * (LEFT + plot + right + GAP);
+        let top = head + (i / columns) as f64 * (head + PLOT_HEIGHT + FOOT);
+        if headings {
+            let room = plot + right;
+            let line = wrap(&panel.heading, HEADING.size, room).swap_remove(0);
+            drawing.text((left, top - 14.0), HEADING, Anchor::Start, &line);
+        }
+        drawing.text((left, top - 4.5), SMALL, Anchor::Start, y_label);
+        draw_panel(&mut drawing, study, panel, [left, top, plot, PLOT_HEIGHT], direct);
+        drawing.text((left + plot / 2.0, top + PLOT_HEIGHT + 22.0), LABEL, Anchor::Middle, x_label);
+    }
+    let mut height = rows as f64 * (head + PLOT_HEIGHT + FOOT);
+    if !direct {
+        height = legend(&mut drawing, study, panels, height + 8.0, width);
+    }
+    drawing.finish_scaled(width, height + 2.0, SCREEN, title, description)
+}
+
+fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, width, height]: [f64; 4], direct: bool) {
+    let bottom = top + height;
+    let Some((x_axis, y_axis)) = &panel.axes else {
+        drawing.frame([left, top, width, height], FRAME);
+        drawing.text((left + width / 2.0, top + height / 2.0), SMALL, Anchor::Middle, "nothing measured yet");
+        return;
+    };
+    let x = |value: f64| left + width * x_axis.place(value);
+    let y = |value: f64| (bottom - height * y_axis.place(value)).clamp(top, bottom);
+    let mut last = f64::NEG_INFINITY;
+    for (value, label) in &x_axis.ticks {
+        drawing.line([x(*value), top, x(*value), bottom], LIGHT_GRID, 0.5);
+        drawing.line([x(*value), bottom, x(*value), bottom + 2.5], FRAME, 0.6);
+        // Labels of a narrow panel stand at every tick that has room.
+        if x(*value) - last >= 19.0 {
+            drawing.tick_label((x(*value), bottom + 10.5), TICK, Anchor::Middle, label);
+            last = x(*value);
+        }
+    }
+    for (value, label) in &y_axis.ticks {
+        drawing.line([left, y(*value), left + width, y(*value)], LIGHT_GRID, 0.5);
+        drawing.line([left - 2.5, y(*value), left, y(*value)], FRAME, 0.6);
+        drawing.tick_label((left - 4.5, y(*value) + 2.4), TICK, Anchor::End, label);
+    }
+    if let Some(floor) = panel.floor.filter(|f| y_axis.place(*f) > 0.0) {
+        let at = y(floor);
+        drawing.area(&[(left, at), (left + width, at), (left + width, bottom), (left, bottom)], FLOOR, 0.55);
+        drawing.dashed([left, at, left + width, at], FAINT, 0.7, "1.2 1.8");
+        drawing.text((left + 3.0, (at + 8.5).min(bottom - 2.5)), SMALL, Anchor::Start, "noise of the reference");
+    }
+    for line in &panel.lines {
+        let Some(band) = line.band.as_ref().filter(|b| !b.ends.is_empty()) else { continue };
+        let upper = band.mean.iter().zip(&band.ends).map(|((vx, _), (_, high))| (x(*vx), y(*high)));
+        let lower = band.mean.iter().zip(&band.ends).rev().map(|((vx, _), (low, _))| (x(*vx), y(*low)));
+        drawing.area(&upper.chain(lower).collect::<Vec<_>>(), line.style.colour, 0.16);
+    }
+    for line in &panel.lines {
+        if let Some(band) = &line.band {
+            let points: Vec<(f64, f64)> = band.mean.iter().map(|(vx, vy)| (x(*vx), y(*vy))).collect();
+            drawing.curve(&points, line.style, 1.2);
+            let mut place = f64::NEG_INFINITY;
+            let offset = 6.0 * line.series as f64;
+            for at in points.iter().filter(|p| p.0 > left + offset + 4.0) {
+                if at.0 - place >= 34.0 && left + width - at.0 > 7.0 {
+                    drawing.marker_of(*at, line.style, 0.56, "#ffffff", line.style.colour);
+                    place = at.0;
+                }
+            }
+        }
+        // What each run measured beyond the last place that all of them reached.
+        let common = line.band.as_ref().and_then(|band| band.mean.last()).map_or(0.0, |(vx, _)| *vx);
+        for curve in &line.curves {
+            let from = curve.at(common).map(|vy| (common, vy));
+            let rest = curve.points.iter().filter(|(vx, _)| *vx > common).copied();
+            let points: Vec<(f64, f64)> = from.into_iter().chain(rest).map(|(vx, vy)| (x(vx), y(vy))).collect();
+            if points.len() > 1 {
+                drawing.curve(&points, line.style, 0.5);
+            }
+        }
+        for (vx, vy) in &line.stops {
+            drawing.marker_of((x(*vx), y(*vy)), line.style, 0.62, line.style.colour, "#ffffff");
+        }
+    }
+    drawing.line([left, top, left, bottom], FRAME, 0.6);
+    drawing.line([left, bottom, left + width, bottom], FRAME, 0.6);
+    if direct {
+        direct_labels(drawing, study, panel, (left + width, top, bottom), &x, &y);
+    }
+}
+
+/// The name of every series at its right end, moved apart where two would overlap.
+fn direct_labels(
+    drawing: &mut Drawing,
+    study: &Study,
+    panel: &Panel,
+    (right, top, bottom): (f64, f64, f64),
+    x: &impl Fn(f64) -> f64,
+    y: &impl Fn(f64) -> f64,
+) {
+    let step = LABEL.size + 1.4;
+    let mut ends: Vec<(&Line, f64, f64)> = Vec::new();
+    for line in &panel.lines {
+        let points = line.band.as_ref().map_or(&line.curves[0].points, |band| &band.mean);
+        ends.extend(points.last().map(|(vx, vy)| (line, x(*vx), y(*vy))));
+    }
+    ends.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let mut places: Vec<f64> = ends.iter().map(|e| e.2.max(top + step / 2.0)).collect();
+    for i in 1..places.len() {
+        places[i] = places[i].max(places[i - 1] + step);
+    }
+    if let Some(last) = places.last_mut() {
+        *last = last.min(bottom - 2.0);
+    }
+    for i in (1..places.len()).rev() {
+        places[i - 1] = places[i - 1].min(places[i] - step);
+    }
+    for ((line, from, at), place) in ends.iter().zip(places) {
+        if (place - at).abs() > 2.5 || right - from > 6.0 {
+            drawing.dashed([from + 3.5, *at, right + 4.0, place], line.style.colour, 0.4, "0.7 1.3");
+        }
+        let font = Font { size: LABEL.size, fill: line.style.colour, strong: true };
+        drawing.text((right + 5.5, place + 2.5), font, Anchor::Start, &study.series[line.series].full());
+    }
+}
+
+/// A legend below the panels, in columns; returns where it ends.
+fn legend(drawing: &mut Drawing, study: &Study, panels: &[Panel], top: f64, width: f64) -> f64 {
+    let used = |s: &usize| panels.iter().any(|p| p.lines.iter().any(|l| l.series == *s));
+    let used: Vec<usize> = (0..study.series.len()).filter(used).collect();
+    let entry = |s: usize| text_width(&study.series[s].full(), LABEL.size) + 26.0;
+    let column = used.iter().map(|s| entry(*s)).fold(40.0, f64::max) + 10.0;
+    let columns = (((width - LEFT) / column) as usize).max(1);
+    for (i, series) in used.iter().enumerate() {
+        let (at, baseline) = (LEFT + (i % columns) as f64 * column, top + (i / columns) as f64 * 11.0);
+        let look = style(*series);
+        drawing.curve(&[(at, baseline - 2.5), (at + 20.0, baseline - 2.5)], look, 1.2);
+        drawing.marker_of((at + 10.0, baseline - 2.5), look, 0.56, "#ffffff", look.colour);
+        drawing.text((at + 24.0, baseline), LABEL, Anchor::Start, &study.series[*series].full());
+    }
+    top + used.len().div_ceil(columns) as f64 * 11.0
+}
+
+fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> String {
+    let options = spec.describe_options();
+    let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
+    let mut sentences = vec![format!(
+        "{}{options} against {}.",
+        labels::metric_title(spec),
+        if x == FigureX::RenderS { "seconds inside the renderer" } else { "samples per pixel" }
+    )];
+    let bands = || panels.iter().flat_map(|p| &p.lines).filter_map(|l| Some((l.band.as_ref()?, l.curves.len())));
+    let runs = bands().map(|(_, n)| n).fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
+    let mean = if Shown::of(spec).scale == Scale::Log { "Geometric mean" } else { "Mean" };
+    let counted = if runs.0 == runs.1 { runs.1.to_string() } else { format!("{} to {}", runs.0, runs.1) };
+    match bands().map(|(band, _)| band.kind).max() {
+        Some(BandKind::Confidence) => sentences
+            .push(format!("{mean} of {counted} repeats; band: 95 % confidence interval of the mean by Student's t.")),
+        Some(BandKind::Range) => {
+            sentences.push(format!("{mean} of {counted} repeats; band: the range of the two."));
+        }
+        _ => sentences.push("One run each.".to_owned()),
+    }
+    sentences.push("Filled markers: where a run stopped.".to_owned());
+    if panels.iter().any(|p| p.floor.is_some()) {
+        sentences.push("Grey: below the noise of the reference, where curves measure the reference.".to_owned());
+    }
+    if x == FigureX::RenderS {
+        let clock = study.clock();
+        if !clock.is_empty() {
+            sentences.push(format!("Measured {clock}.").replace("Measured times", "Times"));
+        }
+    }
+    let named = study.series.iter().filter_map(|s| s.long.map(|long| (s.label.clone(), long)));
+    let mut long: Vec<String> = named.map(|(short, long)| format!("{short}: {long}")).collect();
+    long.dedup();
+    long.sort();
+    long.dedup();
+    if !long.is_empty() {
+        sentences.push(long.join("; ") + ".");
+    }
+    sentences.join(" ")
+}
+
+/// The same figure for pgfplots: a `.tex` with the axes and a `.dat` with the columns `f<panel>s<series>` + `x`, `y`,
+/// `l` (lower) and `u` (upper end).
+#[expect(clippy::too_many_arguments, reason = "they are the parts of one figure, said once")]
+fn pgfplots(
+    study: &Study,
+    panels: &[Panel],
+    y_label: &str,
+    x_label: &str,
+    stem: &str,
+    caption: &str,
+    provenance: &Provenance,
+    shown: Shown,
+) -> Vec<(&'static str, Vec<u8>)> {
+    let name = stem.rsplit('/').next().unwrap_or(stem);
+    let mut columns: Vec<(String, Vec<f64>)> = Vec::new();
+    let mut body = String::new();
+    let per_row = panels.len().min(MOST_COLUMNS);
+    for (p, panel) in panels.iter().enumerate() {
+        body += &format!("\\nextgroupplot[title={{{}}}]\n", latex::escape(&panel.heading));
+        for line in &panel.lines {
+            let Some(band) = &line.band else { continue };
+            let key = format!("f{p}s{}", line.series);
+            columns.push((format!("{key}x"), band.mean.iter().map(|(x, _)| *x).collect()));
+            columns.push((format!("{key}y"), band.mean.iter().map(|(_, y)| *y).collect()));
+            let look = format!("lumbre{}", line.series);
+            let title = latex::escape(&study.series[line.series].full());
+            if !band.ends.is_empty() {
+                columns.push((format!("{key}l"), band.ends.iter().map(|(l, _)| *l).collect()));
+                columns.push((format!("{key}u"), band.ends.iter().map(|(_, u)| *u).collect()));
+                for end in ["l", "u"] {
+                    body += &format!(
+                        "\\addplot[name path={key}{end}, draw=none, forget plot] table[x={key}x, y={key}{end}] {{{name}.dat}};\n"
+                    );
+                }
+                body += &format!("\\addplot[{look}, opacity=0.16, forget plot] fill between[of={key}l and {key}u];\n");
+            }
+            let dash = latex::dash(&line.style);
+            body += &format!("\\addplot[{look}, thick{dash}] table[x={key}x, y={key}y] {{{name}.dat}};\n");
+            body += &format!("\\addlegendentry{{{title}}}\n");
+        }
+    }
+    let colours: String = (0..study.series.len())
+        .map(|s| format!("\\definecolor{{lumbre{s}}}{{HTML}}{{{}}}\n", style(s).colour[1..].to_uppercase()))
+        .collect();
+    let y_mode = if shown.scale == Scale::Log { "ymode=log, " } else { "" };
+    let tex = format!(
+        "{}% Needs \\usepackage{{pgfplots}} and \\usepgfplotslibrary{{groupplots,fillbetween}}.\n{colours}\
+         \\begin{{tikzpicture}}\n\\begin{{groupplot}}[group style={{group size={per_row} by {}, horizontal sep=1.4cm, \
+         vertical sep=1.8cm}}, width={:.3}\\linewidth, xmode=log, {y_mode}xlabel={{{}}}, ylabel={{{}}}, grid=major, \
+         legend style={{font=\\footnotesize, draw=none, fill=none}}, label style={{font=\\footnotesize}}, \
+         tick label style={{font=\\footnotesize}}, title style={{font=\\footnotesize}}]\n{body}\\end{{groupplot}}\n\
+         \\end{{tikzpicture}}\n% Caption: {}\n",
+        provenance.comment("% "),
+        panels.len().div_ceil(per_row),
+        1.0 / per_row as f64,
+        latex::escape(x_label),
+        latex::escape(y_label),
+        caption
+    );
+    let length = columns.iter().map(|(_, v)| v.len()).max().unwrap_or(0);
+    let mut dat = provenance.comment("# ");
+    dat += &(columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(" ") + "\n");
+    for row in 0..length {
+        let value = |(_, v): &(String, Vec<f64>)| v.get(row).map_or("nan".to_owned(), |x| format!("{x:e}"));
+        dat += &(columns.iter().map(value).collect::<Vec<_>>().join(" ") + "\n");
+    }
+    vec![("tex", tex.into_bytes()), ("dat", dat.into_bytes())]
+}

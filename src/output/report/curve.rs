@@ -1,0 +1,163 @@
+//! Curves of measurements: reading them between points, and what several repeats say together.
+
+use super::study::Shown;
+use crate::math::student::mean_and_interval;
+use crate::output::plot::axis::Scale;
+
+/// Places at which the repeats of a band are read.
+const STEPS: usize = 72;
+
+/// One run's measurements of one metric, as drawn: ascending and positive in x.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// The points.
+    pub points: Vec<(f64, f64)>,
+    scale: Scale,
+}
+
+impl Curve {
+    /// A curve of those of `points` that have a place on the axes; a second point at the same x replaces the first.
+    pub fn new(shown: Shown, points: impl IntoIterator<Item = (f64, f64)>) -> Curve {
+        let mut kept: Vec<(f64, f64)> = Vec::new();
+        for (x, y) in points {
+            let Some(y) = shown.value(y).filter(|_| Scale::Log.holds(x)) else { continue };
+            match kept.last_mut() {
+                Some(last) if last.0 == x => last.1 = y,
+                Some(last) if last.0 > x => {}
+                _ => kept.push((x, y)),
+            }
+        }
+        Curve { points: kept, scale: shown.scale }
+    }
+
+    /// First and last x; `None` if there is no point.
+    pub fn span(&self) -> Option<(f64, f64)> {
+        Some((self.points.first()?.0, self.points.last()?.0))
+    }
+
+    /// The drawn value at `x`, on the straight line between its neighbours as drawn. `None` outside of the curve, but
+    /// for a millionth, which is rounding.
+    pub fn at(&self, x: f64) -> Option<f64> {
+        let (low, high) = self.span()?;
+        if x < low * (1.0 - 1e-6) || x > high * (1.0 + 1e-6) {
+            return None;
+        }
+        let after = self.points.partition_point(|(px, _)| *px < x).min(self.points.len() - 1);
+        let (x1, y1) = self.points[after];
+        if x1 == x {
+            return Some(y1);
+        }
+        let Some((x0, y0)) = after.checked_sub(1).map(|before| self.points[before]) else { return Some(y1) };
+        let part = ((x.ln() - x0.ln()) / (x1.ln() - x0.ln())).clamp(0.0, 1.0);
+        Some(self.back(self.forward(y0) + part * (self.forward(y1) - self.forward(y0))))
+    }
+
+    fn forward(&self, y: f64) -> f64 {
+        if self.scale == Scale::Log { y.ln() } else { y }
+    }
+
+    fn back(&self, y: f64) -> f64 {
+        if self.scale == Scale::Log { y.exp() } else { y }
+    }
+}
+
+/// What several repeats say together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Band {
+    /// x and the mean over repeats: geometric on a logarithmic axis.
+    pub mean: Vec<(f64, f64)>,
+    /// Lower and upper end at each of those x; empty for a single run.
+    pub ends: Vec<(f64, f64)>,
+    /// What the ends are.
+    pub kind: BandKind,
+}
+
+/// What the ends of a band are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum BandKind {
+    /// There is one run, and no band.
+    Single,
+    /// The smaller and the larger of two runs, too few for an interval.
+    Range,
+    /// The 95 % confidence interval of the mean, by Student's t on what is drawn.
+    Confidence,
+}
+
+/// The band of repeats over the x that all of them reach. A single run is its own mean, point by point.
+pub fn band(curves: &[Curve]) -> Option<Band> {
+    let curves: Vec<&Curve> = curves.iter().filter(|c| !c.points.is_empty()).collect();
+    let scale = curves.first()?.scale;
+    if let [only] = curves.as_slice() {
+        return Some(Band { mean: only.points.clone(), ends: Vec::new(), kind: BandKind::Single });
+    }
+    let low = curves.iter().filter_map(|c| c.span()).map(|(low, _)| low).fold(f64::NEG_INFINITY, f64::max);
+    let high = curves.iter().filter_map(|c| c.span()).map(|(_, high)| high).fold(f64::INFINITY, f64::min);
+    if low > high {
+        return None;
+    }
+    let kind = if curves.len() == 2 { BandKind::Range } else { BandKind::Confidence };
+    let mut band = Band { mean: Vec::new(), ends: Vec::new(), kind };
+    for step in 0..STEPS {
+        let x = low * (high / low).powf(step as f64 / (STEPS - 1) as f64);
+        let values: Vec<f64> = curves.iter().filter_map(|c| c.at(x).map(|y| c.forward(y))).collect();
+        if values.len() < curves.len() {
+            continue;
+        }
+        let (mean, half) = mean_and_interval(&values);
+        let (from, to) = match kind {
+            BandKind::Confidence => (mean - half.unwrap_or(0.0), mean + half.unwrap_or(0.0)),
+            _ => values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v))),
+        };
+        let back = |y: f64| if scale == Scale::Log { y.exp() } else { y };
+        band.mean.push((x, back(mean)));
+        band.ends.push((back(from), back(to)));
+        if low == high {
+            break;
+        }
+    }
+    Some(band)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::metrics::MetricSpec;
+
+    fn rmse(points: &[(f64, f64)]) -> Curve {
+        Curve::new(Shown::of(&MetricSpec::new("rmse", "rmse", BTreeMap::new()).unwrap()), points.iter().copied())
+    }
+
+    #[test]
+    fn a_power_law_is_a_line_between_its_points() {
+        let curve = rmse(&[(1.0, 1.0), (100.0, 0.1), (50.0, 9.0), (200.0, 0.0)]);
+        assert_eq!(curve.points, [(1.0, 1.0), (100.0, 0.1)], "what goes back or is zero has no place");
+        assert!((curve.at(10.0).unwrap() - 0.1f64.sqrt()).abs() < 1e-12);
+        assert_eq!((curve.at(0.5), curve.at(101.0)), (None, None));
+        assert_eq!((curve.at(1.0), curve.at(100.0)), (Some(1.0), Some(0.1)));
+    }
+
+    #[test]
+    fn the_band_of_three_is_a_t_interval_of_logarithms() {
+        let factors = [0.5, 1.0, 2.0];
+        let curves: Vec<Curve> = factors.iter().map(|f| rmse(&[(1.0, *f), (4.0, f / 2.0)])).collect();
+        let band = band(&curves).unwrap();
+        assert_eq!(band.kind, BandKind::Confidence);
+        let (x, mean) = band.mean[0];
+        assert!((x - 1.0).abs() < 1e-12 && (mean - 1.0).abs() < 1e-12);
+        // Logarithms are -ln 2, 0, ln 2: standard deviation ln 2, t = 4.30265.
+        let half = 4.302_652_73 * 2f64.ln() / 3f64.sqrt();
+        assert!((band.ends[0].1.ln() - half).abs() < 1e-6 && (band.ends[0].0.ln() + half).abs() < 1e-6);
+    }
+
+    #[test]
+    fn two_runs_have_a_range_and_only_where_both_are() {
+        let band = band(&[rmse(&[(1.0, 1.0), (4.0, 0.5)]), rmse(&[(2.0, 0.8), (8.0, 0.4)])]).unwrap();
+        assert_eq!(band.kind, BandKind::Range);
+        assert!((band.mean[0].0 - 2.0).abs() < 1e-12 && (band.mean.last().unwrap().0 - 4.0).abs() < 1e-9);
+        assert!((band.ends[0].1 - 0.8).abs() < 1e-9, "{:?}", band.ends[0]);
+        assert_eq!(super::band(&[rmse(&[(1.0, 1.0)]), rmse(&[(2.0, 1.0)])]), None);
+        assert_eq!(super::band(&[rmse(&[(1.0, 1.0)])]).unwrap().kind, BandKind::Single);
+    }
+}

@@ -1,0 +1,202 @@
+// Curves that can be zoomed: drag a window, double click for all of it, click a curve for its run.
+function curves(data, showRuns) {
+  const box = document.getElementById("chart");
+  const tip = document.getElementById("tip");
+  const pick = (id) => document.getElementById(id);
+  const svgNS = "http://www.w3.org/2000/svg";
+  const hidden = new Set();
+  let view = null;
+
+  fill(pick("metric"), data.metrics.map((m) => m.shown));
+  fill(pick("facet"), data.facets.map((f, i) => f || "all"));
+  fill(pick("x"), ["render time (s)", "samples per pixel"]);
+  const preferred = data.metrics.findIndex((m) => ["relmse", "rmse", "mse"].includes(m.name));
+  if (preferred >= 0) pick("metric").value = preferred;
+  pick("facet").parentElement.hidden = data.facets.length < 2;
+
+  data.series.forEach((s, i) => {
+    const label = document.createElement("label");
+    const check = document.createElement("input");
+    check.type = "checkbox";
+    check.checked = true;
+    check.addEventListener("change", () => { check.checked ? hidden.delete(i) : hidden.add(i); draw(); });
+    const sample = document.createElementNS(svgNS, "svg");
+    sample.setAttribute("width", 30);
+    sample.setAttribute("height", 10);
+    sample.append(element("line", { x1: 0, y1: 5, x2: 30, y2: 5, stroke: s.colour, "stroke-width": 2, "stroke-dasharray": s.dash }));
+    label.append(check, sample, s.full + (s.long ? " (" + s.long + ")" : ""));
+    pick("legend").append(label);
+  });
+
+  function element(name, attributes) {
+    const made = document.createElementNS(svgNS, name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    return made;
+  }
+
+  function lines() {
+    const metric = data.metrics[pick("metric").value];
+    const x = Number(pick("x").value) === 0 ? 1 : 0;
+    const facet = Number(pick("facet").value);
+    const found = [];
+    for (const run of data.runs) {
+      if (run.facet !== facet || hidden.has(run.series)) continue;
+      const points = [];
+      for (const row of run.rows) {
+        let y = row[2 + metric.index];
+        if (y === null || y === undefined) continue;
+        if (metric.magnitude) y = Math.abs(y);
+        if (metric.complement !== null) y = metric.complement - y;
+        if (row[x] > 0 && Number.isFinite(y) && (!metric.log || y > 0)) points.push([row[x], y]);
+      }
+      if (points.length) found.push({ run, points });
+    }
+    return { metric, found };
+  }
+
+  function ticks(low, high, log) {
+    const out = [];
+    if (log) {
+      const span = Math.log10(high / low);
+      for (let e = Math.floor(Math.log10(low)); e <= Math.ceil(Math.log10(high)); e++) {
+        for (const f of span > 4 ? [1] : span > 1.5 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 6, 8]) {
+          const v = f * 10 ** e;
+          if (v >= low && v <= high) out.push(v);
+        }
+      }
+      return out;
+    }
+    const raw = (high - low) / 6;
+    const base = 10 ** Math.floor(Math.log10(raw));
+    const step = [1, 2, 5, 10].map((f) => f * base).find((s) => s >= raw);
+    for (let v = Math.ceil(low / step) * step; v <= high; v += step) out.push(v);
+    return out;
+  }
+
+  const text = (v) => Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(0) : String(+v.toPrecision(3));
+
+  function draw() {
+    box.querySelectorAll("svg").forEach((old) => old.remove());
+    const width = box.clientWidth, height = 460, left = 64, right = 16, top = 14, bottom = 44;
+    const { metric, found } = lines();
+    const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, role: "img" });
+    box.prepend(svg);
+    const all = found.flatMap((l) => l.points);
+    if (!all.length) {
+      const none = element("text", { x: width / 2, y: height / 2, "text-anchor": "middle", fill: "#6b6b6b" });
+      none.textContent = "nothing measured here";
+      svg.append(none);
+      return;
+    }
+    const range = (values, log) => {
+      let low = Math.min(...values), high = Math.max(...values);
+      if (log) { const pad = Math.max((high / low) ** 0.04, 1.05); return [low / pad, high * pad]; }
+      const pad = Math.max((high - low) * 0.05, Math.abs(high) * 0.01, 1e-9);
+      return [low - pad, high + pad];
+    };
+    const [x0, x1] = view ? view.x : range(all.map((p) => p[0]), true);
+    const [y0, y1] = view ? view.y : range(all.map((p) => p[1]), metric.log);
+    const f = (v, log) => (log ? Math.log(v) : v);
+    const X = (v) => left + ((f(v, true) - f(x0, true)) / (f(x1, true) - f(x0, true))) * (width - left - right);
+    const Y = (v) => height - bottom - ((f(v, metric.log) - f(y0, metric.log)) / (f(y1, metric.log) - f(y0, metric.log))) * (height - top - bottom);
+    for (const v of ticks(x0, x1, true)) {
+      svg.append(element("line", { x1: X(v), x2: X(v), y1: top, y2: height - bottom, stroke: "#e6e6e6" }));
+      const label = element("text", { x: X(v), y: height - bottom + 18, "text-anchor": "middle", "font-size": 12, fill: "#1f1f1f" });
+      label.textContent = text(v);
+      svg.append(label);
+    }
+    for (const v of ticks(y0, y1, metric.log)) {
+      svg.append(element("line", { x1: left, x2: width - right, y1: Y(v), y2: Y(v), stroke: "#e6e6e6" }));
+      const label = element("text", { x: left - 8, y: Y(v) + 4, "text-anchor": "end", "font-size": 12, fill: "#1f1f1f" });
+      label.textContent = text(v);
+      svg.append(label);
+    }
+    const clip = element("clipPath", { id: "inside" });
+    clip.append(element("rect", { x: left, y: top, width: width - left - right, height: height - top - bottom }));
+    svg.append(clip);
+    const inside = element("g", { "clip-path": "url(#inside)" });
+    svg.append(inside);
+    for (const { run, points } of found) {
+      const s = data.series[run.series];
+      inside.append(element("polyline", {
+        points: points.map((p) => X(p[0]) + "," + Y(p[1])).join(" "), fill: "none", stroke: s.colour,
+        "stroke-width": 1.6, "stroke-dasharray": s.dash, "stroke-linejoin": "round", "data-run": run.id,
+      }));
+      const end = points[points.length - 1];
+      if (run.state === "done") inside.append(element("circle", { cx: X(end[0]), cy: Y(end[1]), r: 3.4, fill: s.colour, stroke: "#fff" }));
+    }
+    svg.append(element("path", { d: `M${left},${top}V${height - bottom}H${width - right}`, fill: "none", stroke: "#4d4d4d" }));
+    const xName = element("text", { x: (left + width) / 2, y: height - 8, "text-anchor": "middle", "font-size": 13, fill: "#1f1f1f" });
+    xName.textContent = pick("x").selectedOptions[0].textContent + (Number(pick("x").value) === 0 ? data.clock : "");
+    const yName = element("text", { x: left + 6, y: top + 12, "font-size": 13, fill: "#6b6b6b" });
+    yName.textContent = metric.shown + (metric.unit ? " (" + metric.unit + ")" : "");
+    svg.append(xName, yName);
+    interact(svg, found, { X, Y, left, right, top, bottom, width, height, x0, x1, y0, y1, log: metric.log });
+  }
+
+  function interact(svg, found, a) {
+    const back = (p, low, high, log) => (log ? low * (high / low) ** p : low + p * (high - low));
+    const at = (e) => {
+      const r = svg.getBoundingClientRect();
+      return [((e.clientX - r.left) / r.width) * a.width, ((e.clientY - r.top) / r.height) * a.height];
+    };
+    const value = ([px, py]) => [
+      back((px - a.left) / (a.width - a.left - a.right), a.x0, a.x1, true),
+      back((a.height - a.bottom - py) / (a.height - a.top - a.bottom), a.y0, a.y1, a.log),
+    ];
+    let from = null, frame = null;
+    const nearest = (px, py) => {
+      let best = null;
+      for (const line of found) for (const p of line.points) {
+        const d = Math.hypot(a.X(p[0]) - px, a.Y(p[1]) - py);
+        if (d < 18 && (!best || d < best.d)) best = { d, line, p };
+      }
+      return best;
+    };
+    svg.addEventListener("pointerdown", (e) => { from = at(e); svg.setPointerCapture(e.pointerId); });
+    svg.addEventListener("pointermove", (e) => {
+      const [px, py] = at(e);
+      if (from && Math.hypot(px - from[0], py - from[1]) > 6) {
+        if (!frame) { frame = element("rect", { fill: "#0072b2", "fill-opacity": 0.1, stroke: "#0072b2" }); svg.append(frame); }
+        frame.setAttribute("x", Math.min(px, from[0]));
+        frame.setAttribute("y", Math.min(py, from[1]));
+        frame.setAttribute("width", Math.abs(px - from[0]));
+        frame.setAttribute("height", Math.abs(py - from[1]));
+        return;
+      }
+      const hit = nearest(px, py);
+      tip.style.display = hit ? "block" : "none";
+      if (!hit) return;
+      const run = hit.line.run;
+      tip.textContent = `${data.series[run.series].full}, repeat ${run.repeat}\n${text(hit.p[0])} → ${hit.p[1].toPrecision(4)}`;
+      tip.style.left = Math.min(px + 14, a.width - 190) + "px";
+      tip.style.top = py + 10 + "px";
+    });
+    svg.addEventListener("pointerleave", () => { tip.style.display = "none"; });
+    svg.addEventListener("pointerup", (e) => {
+      const to = at(e), start = from;
+      from = null;
+      if (frame && start) {
+        const [xa, ya] = value([Math.min(start[0], to[0]), Math.max(start[1], to[1])]);
+        const [xb, yb] = value([Math.max(start[0], to[0]), Math.min(start[1], to[1])]);
+        view = { x: [xa, xb], y: [ya, yb] };
+        frame = null;
+        draw();
+      } else {
+        const hit = nearest(to[0], to[1]);
+        if (hit) showRuns([hit.line.run.id]);
+      }
+    });
+    svg.addEventListener("dblclick", reset);
+  }
+
+  function reset() { view = null; draw(); }
+  for (const id of ["metric", "facet", "x"]) pick(id).addEventListener("change", reset);
+  pick("all").addEventListener("click", reset);
+  window.addEventListener("resize", draw);
+  draw();
+}
+
+function fill(select, names) {
+  names.forEach((name, i) => select.append(new Option(name, i)));
+}

@@ -1,0 +1,152 @@
+// Pictures as measured: half floats, shown through an exposure that the reader chooses.
+function viewer(data) {
+  const section = document.getElementById("viewer");
+  if (!data.views.length) { section.hidden = true; return; }
+  const pick = (id) => document.getElementById(id);
+  const stage = pick("stage"), canvas = stage.querySelector("canvas"), readout = pick("readout");
+  const state = { view: 0, image: 1, mode: "picture", stops: 0, zoom: 0, x: 0, y: 0 };
+
+  const half = new Float32Array(65536);
+  for (let i = 0; i < 65536; i++) {
+    const sign = i & 0x8000 ? -1 : 1, exponent = (i >> 10) & 31, fraction = i & 1023;
+    half[i] = exponent === 0 ? sign * fraction * 2 ** -24
+      : exponent === 31 ? (fraction ? NaN : sign * Infinity) : sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
+  }
+  const curve = new Uint8Array(4097);
+  for (let i = 0; i <= 4096; i++) {
+    const v = i / 4096;
+    curve[i] = Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055));
+  }
+  const shade = (v) => (v > 0 ? curve[v >= 1 ? 4096 : Math.round(Math.sqrt(v) * Math.sqrt(v) * 4096)] : 0);
+
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  function pixels(image) {
+    if (!image.values) {
+      const raw = new Uint16Array(bytes(image.half).buffer);
+      image.values = Float32Array.from(raw, (h) => half[h]);
+    }
+    return image.values;
+  }
+  function flips(image) {
+    if (image.flip && !image.flipValues) image.flipValues = bytes(image.flip);
+    return image.flipValues;
+  }
+
+  const current = () => data.views[state.view];
+  const shown = () => current().images[state.image];
+
+  function paint() {
+    const view = current(), image = shown(), truth = view.images[0];
+    const { width, height } = view;
+    canvas.width = width;
+    canvas.height = height;
+    const context = canvas.getContext("2d"), out = context.createImageData(width, height), to = out.data;
+    const a = pixels(image), r = pixels(truth), gain = 2 ** state.stops, f = flips(image);
+    for (let i = 0, n = width * height; i < n; i++) {
+      const j = 3 * i, k = 4 * i;
+      if (state.mode === "flip") {
+        const c = data.magma[f ? f[i] : 0];
+        to[k] = c[0]; to[k + 1] = c[1]; to[k + 2] = c[2];
+      } else for (let c = 0; c < 3; c++) {
+        const v = state.mode === "difference" ? Math.abs(a[j + c] - r[j + c]) : a[j + c];
+        to[k + c] = Number.isNaN(v) ? (c === 1 ? 255 : 0) : shade(v * gain);
+      }
+      to[k + 3] = 255;
+    }
+    context.putImageData(out, 0, 0);
+    place();
+    for (const [i, button] of [...pick("names").children].entries()) button.setAttribute("aria-pressed", i === state.image);
+    for (const button of pick("modes").children) button.setAttribute("aria-pressed", button.dataset.mode === state.mode);
+    pick("exposure").value = state.stops;
+    pick("stops").textContent = (state.stops > 0 ? "+" : "") + state.stops + " stops";
+    say();
+  }
+
+  function say(at) {
+    const image = shown(), numbers = image.metrics.map((m) => `${m[0]} ${m[1]}`).join("   ");
+    let line = image.samples === null ? image.name + ": " + image.words
+      : `${image.name}: ${image.samples} spp, ${image.render_s} s   ${numbers}`;
+    if (at) {
+      const j = 3 * (at[1] * current().width + at[0]), v = pixels(image), r = pixels(current().images[0]);
+      const three = (p) => [0, 1, 2].map((c) => p[j + c].toPrecision(4)).join(" ");
+      line += `\n${at[0]}, ${at[1]}: ${three(v)}   reference ${three(r)}`;
+    } else line += "\n ";
+    readout.textContent = line;
+  }
+
+  function fit() {
+    const { width, height } = current();
+    state.zoom = Math.min(stage.clientWidth / width, stage.clientHeight / height);
+    state.x = (stage.clientWidth - width * state.zoom) / 2;
+    state.y = (stage.clientHeight - height * state.zoom) / 2;
+  }
+  function place() { canvas.style.transform = `translate(${state.x}px,${state.y}px) scale(${state.zoom})`; }
+
+  function choose(index) {
+    state.view = index;
+    const view = current();
+    state.image = Math.min(state.image, view.images.length - 1);
+    state.stops = view.exposure;
+    pick("names").replaceChildren(...view.images.map((image, i) => {
+      const button = document.createElement("button");
+      const key = document.createElement("span");
+      key.textContent = i;
+      button.append(key, image.name);
+      button.addEventListener("click", () => { state.image = i; paint(); });
+      return button;
+    }));
+    pick("smaller").textContent = view.shrunk > 1 ? `Shown at 1/${view.shrunk} of its width; the files beside this page are whole.` : "";
+    fit();
+    paint();
+  }
+
+  fill(pick("scene"), data.views.map((v) => v.name || "all"));
+  pick("scene").parentElement.hidden = data.views.length < 2;
+  pick("scene").addEventListener("change", () => choose(Number(pick("scene").value)));
+  for (const button of pick("modes").children) button.addEventListener("click", () => { state.mode = button.dataset.mode; paint(); });
+  pick("exposure").addEventListener("input", () => { state.stops = Number(pick("exposure").value); paint(); });
+  pick("fit").addEventListener("click", () => { fit(); place(); });
+
+  document.addEventListener("keydown", (e) => {
+    if (e.ctrlKey || e.metaKey || e.altKey || ["INPUT", "SELECT", "TEXTAREA"].includes(e.target.tagName)) return;
+    const number = e.key >= "0" && e.key <= "9" ? Number(e.key) : -1;
+    if (number >= 0 && number < current().images.length) state.image = number;
+    else if (e.key === "+" || e.key === "=") state.stops += 0.5;
+    else if (e.key === "-") state.stops -= 0.5;
+    else if (e.key === "p") state.mode = "picture";
+    else if (e.key === "d") state.mode = "difference";
+    else if (e.key === "f") state.mode = "flip";
+    else return;
+    paint();
+  });
+
+  const spot = (e) => {
+    const r = stage.getBoundingClientRect();
+    return [e.clientX - r.left, e.clientY - r.top];
+  };
+  let drag = null;
+  stage.addEventListener("wheel", (e) => {
+    e.preventDefault();
+    const [px, py] = spot(e), factor = Math.exp(-e.deltaY * 0.0015);
+    const zoom = Math.min(Math.max(state.zoom * factor, 0.1), 64);
+    state.x = px - ((px - state.x) * zoom) / state.zoom;
+    state.y = py - ((py - state.y) * zoom) / state.zoom;
+    state.zoom = zoom;
+    place();
+  }, { passive: false });
+  stage.addEventListener("pointerdown", (e) => { drag = [...spot(e), state.x, state.y]; stage.setPointerCapture(e.pointerId); });
+  stage.addEventListener("pointerup", () => { drag = null; });
+  stage.addEventListener("pointermove", (e) => {
+    const [px, py] = spot(e);
+    if (drag) {
+      state.x = drag[2] + px - drag[0];
+      state.y = drag[3] + py - drag[1];
+      place();
+      return;
+    }
+    const at = [Math.floor((px - state.x) / state.zoom), Math.floor((py - state.y) / state.zoom)];
+    const { width, height } = current();
+    say(at[0] >= 0 && at[1] >= 0 && at[0] < width && at[1] < height ? at : null);
+  });
+  choose(0);
+}

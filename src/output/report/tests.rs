@@ -1,0 +1,279 @@
+//! Reports of hand-made nights.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::*;
+use crate::experiment::WaveRow;
+use crate::experiment::evidence::{Machine, Night, Run, State, Truth};
+use crate::metrics::MetricSpec;
+use crate::value::Value;
+
+/// A night of two scenes and two techniques, three repeats each, on a device of its own. Errors fall as the square root
+/// of samples; `nee` has half the error of `bpt` at the same samples and takes 1.6 times as long.
+fn night(device: &str, speed: f64) -> Night {
+    let mut runs = Vec::new();
+    for (s, scene) in ["box", "lamps"].iter().enumerate() {
+        for (t, technique) in ["bpt", "nee"].iter().enumerate() {
+            for repeat in 0..3u64 {
+                let id = format!("{:032x}", runs.len() + 1 + device.len() * 256);
+                runs.push(run(id, (scene, s), (technique, t), repeat, (device, speed)));
+            }
+        }
+    }
+    let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+    Night {
+        folder: PathBuf::from(format!("/out/{}", device.replace(' ', "_"))),
+        name: "overnight".to_owned(),
+        plan: "3f9a5b00".to_owned(),
+        seed: 11,
+        axes: vec!["scene".to_owned(), "technique".to_owned()],
+        metrics: vec![metric("rmse"), metric("ssim")],
+        machine: Some(Machine {
+            host: "host".to_owned(),
+            os: "linux x86_64".to_owned(),
+            cpu: "A Processor".to_owned(),
+            cores: 8,
+            program: "lumbre 0.1.0".to_owned(),
+            date: "2026-11-21T12:00:00Z".to_owned(),
+            arguments: vec!["run".to_owned(), "overnight.lua".to_owned()],
+        }),
+        runs,
+        references: vec![Truth {
+            id: "f".repeat(32),
+            picture: Some(PathBuf::from("ref.exr")),
+            words: "bdpt, 4096 samples per pixel".to_owned(),
+        }],
+        notes: Vec::new(),
+    }
+}
+
+fn run(
+    id: String,
+    (scene, s): (&str, usize),
+    (technique, t): (&str, usize),
+    repeat: u64,
+    (device, speed): (&str, f64),
+) -> Run {
+    let wobble = 1.0 + 0.02 * repeat as f64;
+    let rows = (0..8u32).map(|k| {
+        let samples = 1u64 << k;
+        let error = 0.2 * (1.0 + s as f64) * 0.5f64.powi(t as i32) * wobble / (samples as f64).sqrt();
+        WaveRow {
+            wave: u64::from(k) + 1,
+            samples,
+            render_s: 0.01 * samples as f64 * 1.6f64.powi(t as i32) * wobble / speed,
+            wall_s: 0.02 * samples as f64,
+            paths: samples * 1000,
+            rays: samples * 5000,
+            metrics: vec![error, 1.0 - error],
+            ..WaveRow::default()
+        }
+    });
+    Run {
+        path: format!("scene={scene}/technique={technique}/rep={repeat}"),
+        folder: PathBuf::from(format!("/out/night/runs/{id}")),
+        point: vec![("scene".to_owned(), Value::from(scene)), ("technique".to_owned(), Value::from(technique))],
+        repeat,
+        seed: 100 + repeat,
+        integrator: technique.to_owned(),
+        scene: format!("{scene}.scn"),
+        resolution: Some([40, 30]),
+        device: Some(device.to_owned()),
+        state: State::Done("128 samples per pixel".to_owned()),
+        rows: rows.collect(),
+        reference: Some(0),
+        pictures: [16, 64, 128].map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr")))).to_vec(),
+        films: Vec::new(),
+        accel: Some((0.0021, 77)),
+        floors: vec![("rmse".to_owned(), 0.004)],
+        id,
+    }
+}
+
+/// Pictures without a disk: the reference is a gradient, others are it with an error that falls with samples.
+fn picture(path: &Path) -> Result<Image, String> {
+    let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+    let samples: f32 = name.rsplit('-').next().and_then(|n| n.parse().ok()).unwrap_or(f32::INFINITY);
+    let error = if name.starts_with("bpt") { 2.0 } else { 1.0 } / samples.sqrt();
+    Ok(Image::from_fn(40, 30, |x, y| {
+        let sign = if (x * 7 + y * 13) % 3 == 0 { 1.0 } else { -0.5 };
+        // The left half is hard for both.
+        let local = if x < 20 { error } else { 0.1 * error };
+        [0.02 * x as f32 + 0.1 + sign * local, 0.02 * y as f32 + 0.1, 0.3]
+    }))
+}
+
+fn report(nights: &[Night], options: &Options) -> Report {
+    let study = Study::new(nights, options).unwrap();
+    let link = |path: &Path| path.display().to_string();
+    let command = |path: &Path| format!("lumbre reproduce {}/final.exr", path.display());
+    build(&study, options, &Surroundings { pictures: &picture, link: &link, command: &command }).unwrap()
+}
+
+fn item<'a>(report: &'a Report, stem: &str) -> &'a Item {
+    let all = || report.items.iter().map(|i| i.stem.as_str()).collect::<Vec<_>>();
+    report.items.iter().find(|i| i.stem == stem).unwrap_or_else(|| panic!("no {stem} among {:?}", all()))
+}
+
+fn text(report: &Report, stem: &str, extension: &str) -> String {
+    let files = item(report, stem).files().unwrap();
+    let (_, bytes) = files.into_iter().find(|(name, _)| *name == format!("{stem}.{extension}")).unwrap();
+    String::from_utf8(bytes).unwrap()
+}
+
+fn one() -> Report {
+    report(&[night("Sample GPU", 1.0)], &Options::default())
+}
+
+#[test]
+fn tables_say_what_their_runs_measured() {
+    let made = one();
+    insta::assert_snapshot!("fps", text(&made, "tables/fps-absolute", "md"));
+    insta::assert_snapshot!("equal-time", text(&made, "tables/equal-time-rmse", "md"));
+    insta::assert_snapshot!("equal-error-tex", text(&made, "tables/equal-error-rmse", "tex"));
+    insta::assert_snapshot!("time-to-csv", text(&made, "tables/time-to-ssim-0.95", "csv"));
+}
+
+#[test]
+fn curves_are_drawn_with_bands_floor_stops_and_names() {
+    let made = one();
+    let svg = text(&made, "figures/error-time-rmse", "svg");
+    insta::assert_snapshot!("error-time-rmse", svg);
+    assert!(svg.contains("noise of the reference"), "the floor is named");
+    assert!(svg.contains("render time (s) on Sample GPU"), "the clock's device is named");
+    assert_eq!(svg.matches("fill-opacity=\"0.16\"").count(), 4, "a band for each series of each panel");
+    let samples = text(&made, "figures/error-samples-ssim", "svg");
+    assert!(samples.contains(">1 − SSIM</text>") && !samples.contains("noise of the reference"));
+    let tex = text(&made, "figures/error-time-rmse", "tex");
+    assert!(tex.contains("{error-time-rmse.dat}") && tex.contains("\\addlegendentry{nee}"), "{tex}");
+    let dat = text(&made, "figures/error-time-rmse", "dat");
+    let header = dat.lines().find(|l| !l.starts_with('#')).unwrap();
+    assert!(header.starts_with("f0s0x f0s0y f0s0l f0s0u f0s1x"), "{header}");
+    for extension in ["png", "pdf"] {
+        let files = item(&made, "figures/error-time-rmse").files().unwrap();
+        assert!(files.iter().any(|(name, bytes)| name.ends_with(extension) && bytes.len() > 1000));
+    }
+}
+
+#[test]
+fn crops_show_the_nearest_kept_pictures_where_series_differ() {
+    let made = one();
+    let crops = item(&made, "figures/crops-equal-time-box");
+    let svg = crops.svg.as_deref().unwrap();
+    // bpt is at 128 samples and 1.28 s; nee at 64 and 1.02 s is nearer to that than at 128 and 2.05 s.
+    assert!(svg.contains(">128 spp, 1.3 s</text>") && svg.contains(">64 spp, 1.0 s</text>"), "{}", crops.caption);
+    assert_eq!(svg.matches("<image").count(), 1 + 2 * 3 + 2, "reference, two windows of three, two FLIP maps");
+    assert!(svg.contains(">FLIP 0."), "the mean of each map is below it");
+    assert_eq!(crops.provenance.runs.len(), 2);
+    let options = Options { crops: vec![[4, 4, 12, 9], [35, 4, 12, 9]], ..Options::default() };
+    let asked = report(&[night("Sample GPU", 1.0)], &options);
+    assert!(asked.notes.iter().any(|n| n.contains("[35, 4, 12, 9] is not inside")), "{:?}", asked.notes);
+    assert_eq!(item(&asked, "figures/crops-equal-time-box").svg.as_deref().unwrap().matches("<image").count(), 6);
+}
+
+#[test]
+fn equal_error_shows_fewer_samples_of_the_better_technique() {
+    let svg = item(&one(), "figures/crops-equal-error-box").svg.clone().unwrap();
+    // The worst final RMSE is that of bpt at 128 samples; nee has it at 32, of which 16 and 64 are kept.
+    assert!(svg.contains(">128 spp, ") && (svg.contains(">16 spp, ") || svg.contains(">64 spp, ")));
+}
+
+#[test]
+fn nights_of_two_devices_stand_side_by_side_and_are_named() {
+    let nights = [night("RTX 4070", 1.0), night("RX 7600", 0.44)];
+    let made = report(&nights, &Options::default());
+    insta::assert_snapshot!("fps-two-devices", text(&made, "tables/fps-absolute", "tex"));
+    insta::assert_snapshot!("fps-relative", text(&made, "tables/fps-relative", "md"));
+    let svg = text(&made, "figures/error-time-rmse", "svg");
+    for name in ["bpt, RTX 4070", "nee, RTX 4070", "bpt, RX 7600", "nee, RX 7600"] {
+        assert!(svg.contains(&format!(">{name}</text>")), "{name}");
+    }
+    let caption = &item(&made, "figures/error-time-rmse").caption;
+    assert!(caption.contains("Times are of 2 devices: RTX 4070; RX 7600"), "{caption}");
+}
+
+#[test]
+fn times_of_a_device_without_a_name_are_refused_beside_others() {
+    let mut nameless = night("RX 7600", 0.44);
+    nameless.runs.iter_mut().for_each(|run| run.device = None);
+    let nights = [night("RTX 4070", 1.0), nameless.clone()];
+    let error = Study::new(&nights, &Options::default()).unwrap_err();
+    assert!(matches!(&error, ReportError::NoDevice { folder } if folder.ends_with("RX_7600")), "{error}");
+    assert!(Study::new(&[nameless], &Options::default()).is_ok(), "alone it misleads nobody");
+}
+
+#[test]
+fn nights_that_define_a_metric_differently_are_not_compared_by_it() {
+    let mut other = night("RX 7600", 1.0);
+    other.metrics[1] = MetricSpec::new("ssim", "ssim", BTreeMap::from([("range".to_owned(), Value::Int(2))])).unwrap();
+    let nights = [night("RTX 4070", 1.0), other];
+    let study = Study::new(&nights, &Options::default()).unwrap();
+    assert_eq!(study.metrics.iter().map(|m| m.column.as_str()).collect::<Vec<_>>(), ["rmse"]);
+    assert!(study.notes[0].contains("`ssim` is left out"), "{:?}", study.notes);
+}
+
+#[test]
+fn options_that_name_nothing_are_refused() {
+    let nights = [night("GPU", 1.0)];
+    let by = Options { by: vec!["tecnique".to_owned()], ..Options::default() };
+    assert!(Study::new(&nights, &by).unwrap_err().to_string().contains("axes: scene, technique"));
+    let threshold = Options { thresholds: vec![("mse".to_owned(), 0.1)], ..Options::default() };
+    let study = Study::new(&nights, &threshold).unwrap();
+    assert!(tables::all(&study, &threshold, &mut Vec::new()).unwrap_err().to_string().contains("columns: rmse, ssim"));
+}
+
+#[test]
+fn a_night_that_is_still_running_has_a_report_of_what_is_there() {
+    let mut running = night("Sample GPU", 1.0);
+    for run in running.runs.iter_mut().skip(7) {
+        run.state = State::Pending;
+        (run.rows, run.device) = (Vec::new(), None);
+    }
+    running.runs[6].state = State::Unfinished;
+    (running.runs[6].device, running.runs[6].pictures) = (None, Vec::new());
+    let made = report(&[running], &Options::default());
+    let fps = text(&made, "tables/fps-absolute", "md");
+    assert!(fps.contains("| lamps |") && fps.contains("–"), "{fps}");
+    assert!(made.notes.iter().any(|n| n.contains("6 of 12 runs have not finished")), "{:?}", made.notes);
+    let svg = text(&made, "figures/error-time-rmse", "svg");
+    assert!(svg.contains(">lamps</text>"), "the unfinished run's curve is drawn");
+}
+
+#[test]
+fn data_is_tidy_and_the_page_needs_nothing_else() {
+    let made = one();
+    let waves = text(&made, "data/waves", "csv");
+    assert_eq!(waves.lines().count(), 1 + 12 * 8);
+    assert!(waves.starts_with(
+        "program,night,plan,run,axis.scene,axis.technique,repeat,seed,integrator,scene,device,wave,samples_per_pixel,\
+         render_s,wall_s,paths,rays,metric.rmse,metric.ssim\n"
+    ));
+    assert!(text(&made, "data/columns", "csv").contains("\nrender_s,s,"));
+    let page = text(&made, "index", "html");
+    for address in ["http://", "https://", "src=\"/", "@import", "url(h"] {
+        let found = page.replace("http://www.w3.org/2000/svg", "");
+        assert!(!found.contains(address), "the page asks for {address}");
+    }
+    assert!(page.contains("data-runs=\"0 1 2\"") && page.contains("id=\"figures/error-time-rmse\""));
+    let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).unwrap().0;
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    assert_eq!(data["runs"].as_array().unwrap().len(), 12);
+    assert_eq!(data["views"][0]["images"][1]["name"], "bpt");
+    let tex = text(&made, "methods", "tex");
+    assert!(tex.contains("Sample GPU") && tex.contains("Seed 11") && tex.contains("RMSE"), "{tex}");
+}
+
+#[test]
+fn names_cannot_break_out_of_page_tables_or_figures() {
+    let mut hostile = night("</script><b>GPU & co", 1.0);
+    for run in &mut hostile.runs {
+        run.point[0].1 = Value::Str(format!("<img src=x> {{}} \\input_{}", run.scene));
+    }
+    let made = report(&[hostile], &Options::default());
+    let page = text(&made, "index", "html");
+    assert!(!page.contains("<img src=x>") && !page.contains("</script><b>"));
+    let tex = text(&made, "tables/fps-absolute", "tex");
+    assert!(!tex.contains("\\input") && tex.contains("\\textbackslash{}input\\_"), "{tex}");
+    assert!(made.items.iter().all(|i| i.files().is_ok()));
+}

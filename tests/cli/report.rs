@@ -1,0 +1,183 @@
+//! `lumbre report` and its page, on a small night of the mock backend.
+
+use std::process::Command;
+
+use super::workplace::Workplace;
+
+/// Two techniques with three repeats, snapshots, and everything that a report draws; the CPU, since films need it.
+const NIGHT: &str = r#"
+local x = experiment("study", { seed = 3, repeats = 2 })
+x:axis("technique", { "bpt", "nee" })
+x:render(function(p)
+  return { scene = "ball.scn", integrator = p.technique, max_depth = 3, resolution = { 24, 16 }, backend = "mock" }
+end)
+x:reference { from = function(p) return { integrator = "bpt" } end, stop = stop.samples(4096) }
+x:measure { every = "1s", rmse = metric.rmse(), ssim = metric.ssim { on = tonemap.srgb { exposure = 0 } }, keep = { exr = "pow2" } }
+x:stop(function(p) return stop.samples(16) end)
+return x
+"#;
+
+fn reported() -> Workplace {
+    let place = Workplace::new();
+    place.write("study.lua", NIGHT);
+    place.succeed(&["run", "study.lua", "-q"]);
+    place
+}
+
+#[test]
+fn a_report_is_made_of_files_alone_and_twice_the_same() {
+    let place = reported();
+    let ended = place.succeed(&["report", "out/latest"]);
+    let page = ended.stdout.trim().to_owned();
+    assert!(page.ends_with("/report/index.html"), "{page}");
+    let folder = page.trim_end_matches("/index.html").to_owned();
+    let files = place.files(&folder);
+    for expected in [
+        "figures/error-time-rmse.svg",
+        "figures/error-samples-ssim.pdf",
+        "figures/crops-equal-time.png",
+        "tables/fps-absolute.tex",
+        "tables/equal-error-rmse.md",
+        "data/waves.csv",
+        "methods.tex",
+    ] {
+        assert!(files.contains(&format!("{folder}/{expected}")), "{expected} is missing: {files:?}");
+    }
+    let before: Vec<Vec<u8>> = files.iter().map(|f| std::fs::read(place.path(f)).unwrap()).collect();
+    // Without the script and the scene there is nothing that could be rendered.
+    std::fs::remove_file(place.path("study.lua")).unwrap();
+    std::fs::remove_file(place.path("ball.scn")).unwrap();
+    place.succeed(&["report", "out/latest"]);
+    let after: Vec<Vec<u8>> = files.iter().map(|f| std::fs::read(place.path(f)).unwrap()).collect();
+    assert!(before == after, "the same folders give the same bytes");
+}
+
+#[test]
+fn every_file_names_the_runs_behind_it() {
+    let place = reported();
+    place.succeed(&["report", "out/latest", "--to", "r"]);
+    let id = place.json(&place.finished()[0].0)["run"].as_str().unwrap().to_owned();
+    let plan = place.json("out/latest/plan.json")["hash"].as_str().unwrap().to_owned();
+    for file in [
+        "figures/error-time-rmse.svg",
+        "figures/error-time-rmse.tex",
+        "tables/final-rmse.md",
+        "tables/final-rmse.tex",
+        "figures/error-time-rmse.dat",
+        "data/runs.csv",
+        "methods.md",
+        "index.html",
+    ] {
+        let text = place.read(&format!("r/{file}"));
+        assert!(text.contains(&id) && text.contains(&plan) && text.contains("lumbre 0."), "{file} lacks them");
+    }
+    for file in ["figures/error-time-rmse.png", "figures/error-time-rmse.pdf"] {
+        let bytes = std::fs::read(place.path(&format!("r/{file}"))).unwrap();
+        assert!(bytes.windows(id.len()).any(|w| w == id.as_bytes()), "{file} lacks the run");
+    }
+}
+
+#[test]
+fn what_is_no_night_or_names_nothing_is_refused() {
+    let place = reported();
+    let said = place.fail(2, &["report", "scenes"]);
+    assert!(said.contains("cannot read"), "{said}");
+    let said = place.fail(2, &["report", "out/latest", "--by", "tecnique"]);
+    assert!(said.contains("no axis is called `tecnique` (axes: technique)"), "{said}");
+    let said = place.fail(2, &["report", "out/latest", "--crop", "1,2,3"]);
+    assert!(said.contains("left, top, width and height"), "{said}");
+    let said = place.fail(2, &["report", "out/latest", "--threshold", "mse=0.1"]);
+    assert!(said.contains("no metric column is called `mse`"), "{said}");
+}
+
+#[test]
+fn two_nights_need_the_names_of_both_devices() {
+    let place = reported();
+    let night = place.files("out").into_iter().find(|f| f.ends_with("/plan.json")).unwrap();
+    let night = night.trim_end_matches("/plan.json").to_owned();
+    copy(&place.path(&night), &place.path("other/night"));
+    // Another machine: its device has another name, and its references are not here.
+    for done in place.files("other").iter().filter(|f| f.ends_with("/done.json")) {
+        let mut facts = place.json(done);
+        facts["device"] = "Another GPU".into();
+        // A changed file without its seal is one of an earlier version; with it, it is damaged.
+        facts.as_object_mut().unwrap().retain(|key, _| key != "files" && key != "check");
+        place.write(done, &facts.to_string());
+    }
+    place.succeed(&["report", &night, "other/night", "--to", "both"]);
+    let svg = place.read("both/figures/error-time-rmse.svg");
+    assert!(svg.contains("nee, Another GPU") && svg.contains("bpt, "), "both devices are named");
+    assert!(place.read("both/tables/fps-relative.md").contains("Another GPU / "));
+    std::fs::remove_file(place.path("other/night/env.json")).unwrap();
+    let said = place.fail(2, &["report", &night, "other/night", "--to", "again"]);
+    assert!(said.contains("without naming both devices"), "{said}");
+    place.succeed(&["report", &night, "other/night", "--to", "again", "--name", "A", "--name", "B"]);
+}
+
+#[test]
+fn a_damaged_run_does_not_count_as_finished() {
+    let place = reported();
+    let (done, _) = place.finished().swap_remove(0);
+    let csv = done.replace("done.json", "metrics.csv");
+    let text = place.read(&csv);
+    place.write(&csv, &text[..text.len() - 20]);
+    let ended = place.succeed(&["report", "out/latest", "--to", "r"]);
+    assert!(ended.stderr.contains("does not count as finished"), "{}", ended.stderr);
+    assert!(place.read("r/index.html").contains("3 of 4 runs finished"));
+}
+
+fn copy(from: &std::path::Path, to: &std::path::Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy(&entry.path(), &target)
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// What the page's own scripts do in a browser, told by its document after they ran.
+#[test]
+fn the_page_works_in_a_browser_without_a_network() {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    let Some(browser) =
+        browsers.iter().find(|b| Command::new(b).arg("--version").output().is_ok_and(|o| o.status.success()))
+    else {
+        println!("SKIPPED: no browser of {}", browsers.join(", "));
+        return;
+    };
+    let place = reported();
+    place.succeed(&["report", "out/latest", "--to", "r"]);
+    // A script of the test's own, after the page's: keys, sorting and narrowing, told in the title.
+    let page = place.read("r/index.html");
+    let probe = format!("<script>{}</script></body>", include_str!("report_probe.js"));
+    place.write("r/probe.html", &page.replace("</body>", &probe));
+    let address = format!("file://{}", place.path("r/probe.html").display());
+    let profile = format!("--user-data-dir={}", place.path("profile").display());
+    let output = Command::new(browser)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--virtual-time-budget=4000",
+            "--dump-dom",
+            &profile,
+            &address,
+        ])
+        .output()
+        .unwrap();
+    let document = String::from_utf8_lossy(&output.stdout);
+    let told = document
+        .split_once("data-probe=\"")
+        .and_then(|(_, rest)| rest.split_once('"'))
+        .map(|(told, _)| told.replace("&quot;", "\""));
+    let told = told
+        .unwrap_or_else(|| panic!("the scripts did not run to their end: {}", String::from_utf8_lossy(&output.stderr)));
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let expected = serde_json::json!({
+        "names": 3, "pressed": 2, "differs": 5, "zero": true, "sorted": true, "rows": 4, "narrowed": 2, "curves": 4,
+    });
+    assert_eq!(told, expected);
+}
