@@ -2,6 +2,7 @@
 //! Skipped, and said so, where there is no tmux.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::print_stdout, reason = "what is skipped is said")]
 
 #[path = "cli/workplace.rs"]
 #[allow(dead_code, reason = "every test binary uses its own part of this")]

@@ -39,6 +39,8 @@ pub struct CellOutline {
     pub repeat: u32,
     /// When it is finished.
     pub until: Option<Arc<Until>>,
+    /// Index of the reference that it is measured against.
+    pub reference: Option<usize>,
     /// What it renders.
     pub config: Option<Arc<CellConfig>>,
     /// The scene, with the cell's changes made.
@@ -98,6 +100,7 @@ impl Outline {
             point: cell.point.clone(),
             repeat: cell.repeat,
             until: Some(until(&cell.stop)),
+            reference: cell.reference,
             config: Some(Arc::clone(&cell.config)),
             scene: Some(Arc::clone(&cell.scene)),
         });

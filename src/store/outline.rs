@@ -23,6 +23,7 @@ pub(super) fn outline(plan: &Json) -> Outline {
         point: point(&cell["point"]),
         repeat: cell["repeat"].as_u64().and_then(|n| u32::try_from(n).ok()).unwrap_or(0),
         until: cell["stop"].as_u64().and_then(|i| stops.get(usize::try_from(i).ok()?)).cloned(),
+        reference: cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok()),
         config: None,
         scene: None,
     });

@@ -362,3 +362,62 @@ fn latest_points_at_the_newest_and_results_are_ordinary_files() {
         assert_eq!(mode("plan.json"), mode("journal.jsonl"));
     }
 }
+
+#[test]
+fn a_night_is_followed_by_its_files_while_it_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let started = |i: usize| {
+        let run = plan.cells[i].id.0.as_str();
+        store.journal("cell_started", &json!({ "run": run, "device": "mock" })).unwrap();
+    };
+    store.journal("night_started", &json!({})).unwrap();
+    finish_run(&store, &plan, 0);
+    started(0);
+    let done = json!({ "run": "aa11", "outcome": "done", "reason": "samples", "samples": 4, "render_s": 0.25 });
+    store.journal("cell_finished", &done).unwrap();
+    let mut run = store.start(&plan, CellRef::Cell(1), None).unwrap();
+    run.open_metrics(&[], &[]).unwrap();
+    started(1);
+    let mut follower = Follower::open(store.folder(), decode).unwrap();
+    assert_eq!(follower.outline().until(CellRef::Cell(0)).unwrap().rule, StopRule::Samples(4));
+    let seen = |follower: &mut Follower| -> Vec<String> {
+        let words = |seen: Seen| match seen {
+            Seen::Began => "began".to_owned(),
+            Seen::Over => "over".to_owned(),
+            Seen::Started { cell, config, open, .. } => {
+                format!("{cell:?} starts {} on {}", config.unwrap().integrator, open.device)
+            }
+            Seen::Measured { cell, row } => format!("{cell:?} has {}", row.samples),
+            Seen::Ended { cell, outcome, last } => {
+                format!("{cell:?} {outcome:?} after {:?}", last.map(|row| row.samples))
+            }
+            Seen::Pictured { cell, image } => format!("{cell:?} shows {}", image.at(0, 0)[0]),
+            Seen::Said { text, .. } => text,
+            Seen::Strategy { .. } => "a film".to_owned(),
+        };
+        follower.look().into_iter().map(|sight| words(sight.seen)).collect()
+    };
+    let first = seen(&mut follower);
+    let starts = "Cell(1) starts bpt on mock";
+    assert_eq!(first, ["began", "Cell(0) Done(\"samples\") after Some(4)", starts], "of the first run only its end");
+    assert!(seen(&mut follower).is_empty());
+    run.append_row(&row(1, 0)).unwrap();
+    run.append_row(&row(2, 0)).unwrap();
+    run.write("snap-4.exr", b"I\x05").unwrap();
+    assert_eq!(seen(&mut follower), ["Cell(1) has 2", "Cell(1) has 4", "Cell(1) shows 5"]);
+    run.append_row(&row(3, 0)).unwrap();
+    run.write("final.exr", b"I\x07").unwrap();
+    run.finish(&json!({ "run": "bb22", "samples": 8 })).unwrap();
+    let done = json!({ "run": "bb22", "outcome": "done", "reason": "samples", "samples": 8 });
+    store.journal("cell_finished", &done).unwrap();
+    store.journal("night_finished", &json!({})).unwrap();
+    let last = ["Cell(1) has 8", "Cell(1) shows 7", "Cell(1) Done(\"samples\") after Some(8)", "over"];
+    assert_eq!(seen(&mut follower), last);
+    // Another night that finds nothing to do, and a run that somebody deleted.
+    fs::remove_file(only_run_of(&store, "aa11").join("done.json")).unwrap();
+    let late = seen(&mut Follower::open(store.folder(), decode).unwrap());
+    assert!(!late.iter().any(|word| word.starts_with("Cell(0) Done")), "{late:?}");
+    assert!(Follower::open(dir.path(), decode).unwrap_err().to_string().contains("lumbre ls"));
+}

@@ -1,6 +1,6 @@
 //! What is known about a night, folded from its events. Nothing here draws, and nothing grows with time.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use super::column::{Column, columns};
@@ -67,6 +67,8 @@ pub struct Model {
     pub columns: Arc<Vec<Column>>,
     /// The cell that renders or rendered last.
     pub current: Option<Current>,
+    /// For every reference whose noise is known, what it leaves of each metric to be measured.
+    pub floors: BTreeMap<usize, Arc<Vec<Option<f64>>>>,
     /// The curves of the last [`PAST`] cells that ended after measuring, oldest first.
     pub past: VecDeque<(CellRef, Arc<Curve>)>,
     /// The films by strategy of the last cell that kept them.
@@ -194,6 +196,20 @@ impl Model {
             }
             self.past.push_back((cell, curve));
         }
+    }
+
+    /// The noise of a reference is known: no picture can be measured to be better than these values, in the order of the
+    /// plan's metrics.
+    pub fn floor(&mut self, reference: usize, floors: Vec<Option<f64>>) {
+        self.revision += 1;
+        self.floors.insert(reference, Arc::new(floors));
+    }
+
+    /// What the noise of the current cell's reference leaves of a metric to be measured, where it is known.
+    pub fn floor_of(&self, metric: usize) -> Option<f64> {
+        let CellRef::Cell(i) = self.current.as_ref()?.cell else { return None };
+        let reference = self.plan.as_ref()?.cells.get(i)?.reference?;
+        self.floors.get(&reference)?.get(metric).copied().flatten()
     }
 
     /// What the current cell renders, for a reader whose plan does not say it.

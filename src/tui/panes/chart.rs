@@ -51,7 +51,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     // The cells before stand behind, so that techniques can be compared while they render.
     let past = model.past.iter().filter(|(cell, _)| *cell != current.cell);
     let past: Vec<Vec<(f64, f64)>> = past.map(|(_, curve)| self::points(curve, view)).collect();
-    plot(frame, inner, look, spec, &Lines { points, past, threshold });
+    plot(frame, inner, look, spec, &Lines { points, past, threshold, floor: model.floor_of(view.metric) });
 }
 
 /// What a chart shows.
@@ -62,6 +62,8 @@ struct Lines {
     past: Vec<Vec<(f64, f64)>>,
     /// Where the stop rule holds.
     threshold: Option<f64>,
+    /// Where only the noise of the reference is measured.
+    floor: Option<f64>,
 }
 
 /// Why there is no curve.
@@ -162,8 +164,9 @@ fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, lines: &Li
     let log_y = spec.row.better == Better::Lower && points.iter().any(|p| p.1 > 0.0);
     let scale_y = if log_y { Scale::Log } else { Scale::Linear };
     let threshold = lines.threshold.filter(|t| near(*t, points, scale_y));
+    let floor = lines.floor.filter(|f| near(*f, points, scale_y));
     let all = || points.iter().chain(lines.past.iter().flatten());
-    let values = all().map(|p| p.1).chain(threshold);
+    let values = all().map(|p| p.1).chain(threshold).chain(floor);
     let y = Axis::around(values, scale_y, usize::from(area.height - 2) / 2);
     let x = Axis::around(all().map(|p| p.0), Scale::Log, usize::from(area.width) / 10);
     let gutter = y.ticks.iter().map(|tick| tick.label.len()).max().unwrap_or(0) as u16;
@@ -177,6 +180,14 @@ fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, lines: &Li
     if let Some(row) = threshold.and_then(|t| y.place(t)).map(|share| row_at(plot, share)) {
         let line = look.glyphs().threshold.repeat(usize::from(plot.width));
         frame.buffer_mut().set_string(plot.x, row, line, look.warn());
+    }
+    if let Some(row) = floor.and_then(|f| y.place(f)).map(|share| row_at(plot, share)) {
+        let line = look.glyphs().threshold.repeat(usize::from(plot.width));
+        frame.buffer_mut().set_string(plot.x, row, line, look.dim());
+        let label = " noise of the reference ";
+        if usize::from(plot.width) > label.len() + 8 {
+            frame.buffer_mut().set_string(plot.x + 2, row, label, look.dim());
+        }
     }
     let placed = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
         points.iter().filter_map(|p| Some((x.place(p.0)?, y.place(p.1)?))).collect()

@@ -187,3 +187,17 @@ fn a_night_that_is_watched_says_when_there_is_no_news() {
     let first = screen((120, 40), &model, &watched).lines().next().unwrap().to_owned();
     assert!(first.contains("watching") && first.contains("no news for 1m30s"), "{first}");
 }
+
+#[test]
+fn the_noise_of_the_reference_is_marked_in_the_chart() {
+    let (mut model, now_s) = in_the_middle().model();
+    let chart = |model: &Model, metric| {
+        let view = View { focus: Focus::Chart, metric, ..view(RICH, now_s) };
+        screen((100, 30), model, &view)
+    };
+    assert!(!chart(&model, 0).contains("noise of the reference"));
+    model.floor(0, vec![Some(0.012), None, Some(1e9)]);
+    assert!(chart(&model, 0).contains("noise of the reference"));
+    assert!(!chart(&model, 1).contains("noise of the reference"), "that metric has none");
+    assert!(!chart(&model, 2).contains("noise of the reference"), "it lies far outside the chart");
+}
