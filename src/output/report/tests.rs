@@ -242,6 +242,21 @@ fn a_night_that_is_still_running_has_a_report_of_what_is_there() {
 }
 
 #[test]
+fn a_night_without_references_has_rates_and_a_page() {
+    let mut bare = night("Sample GPU", 1.0);
+    (bare.metrics, bare.references) = (Vec::new(), Vec::new());
+    for run in &mut bare.runs {
+        run.reference = None;
+        run.rows.iter_mut().for_each(|row| row.metrics.clear());
+    }
+    let made = report(&[bare], &Options::default());
+    assert!(text(&made, "tables/fps-absolute", "md").contains("98.06"));
+    assert!(made.items.iter().all(|i| i.kind != Kind::Figure), "there is nothing to draw");
+    let page = text(&made, "index", "html");
+    assert!(page.contains("\"metrics\":[]") && page.contains("\"views\":[]"));
+}
+
+#[test]
 fn data_is_tidy_and_the_page_needs_nothing_else() {
     let made = one();
     let waves = text(&made, "data/waves", "csv");
