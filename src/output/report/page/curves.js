@@ -1,5 +1,9 @@
 // Curves that can be zoomed: drag a window, double click for all of it, click a curve for its run.
 function curves(data, showRuns) {
+  if (!data.metrics.length) {
+    document.getElementById("curves").hidden = true;
+    return;
+  }
   const box = document.getElementById("chart");
   const tip = document.getElementById("tip");
   const pick = (id) => document.getElementById(id);
