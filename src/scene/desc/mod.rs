@@ -4,6 +4,7 @@ mod camera;
 mod hash;
 pub mod light;
 pub mod material;
+mod model;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,7 +14,8 @@ use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 pub use camera::{CameraDesc, Optics};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
-pub use material::{MATERIAL_PARAMS, MaskMode, MaterialDesc, Model, TextureSlot};
+pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+pub use model::{Distribution, MaskMode, Model};
 
 /// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";
@@ -116,8 +118,7 @@ impl Transform {
         let rotation = DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
         let linear = DMat3::from_diagonal(self.scale.as_dvec3()) * rotation;
         let own = DAffine3::from_mat3_translation(linear, self.translate.as_dvec3());
-        DAffine3::from_mat3_translation(DMat3::from(self.frame.matrix3.as_dmat3()), self.frame.translation.as_dvec3())
-            * own
+        DAffine3::from_mat3_translation(self.frame.matrix3.as_dmat3(), self.frame.translation.as_dvec3()) * own
     }
 
     /// By how much the frame scales a sphere, which must stay one; `None` if it would be an ellipsoid.
