@@ -161,5 +161,6 @@ fn the_assets_of_others_load() {
         let (desc, _) = load(&file).unwrap_or_else(|e| panic!("{e}"));
         let (scene, _) = compile(&desc).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         assert!(!scene.triangles.is_empty(), "{}", file.display());
+        assert!(scene.environment.is_some() || !scene.emitters.is_empty(), "{} is dark", file.display());
     }
 }

@@ -3,7 +3,8 @@
 //! Read are nodes with their transforms, meshes shared between them, the first perspective camera of the default scene,
 //! point and directional lights (`KHR_lights_punctual`), and materials ([`material`]). Intensities are taken as radiance
 //! is here, without photometric factors. Texture coordinates start at the top left in the file and at the bottom left
-//! here. Triangles without normals are flat, as the format says. Surfaces are two-sided whatever `doubleSided` says.
+//! here. Triangles without normals are flat, as the format says. A document without any light gets white light from
+//! everywhere, since viewers bring their own. Surfaces are two-sided whatever `doubleSided` says.
 
 mod document;
 mod material;
@@ -19,8 +20,8 @@ use self::document::{Document, GLB_MAGIC};
 use self::material::Materials;
 use super::{Missing, bare, scn};
 use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, LightDesc, LightKind, MaterialDesc, MeshDesc, Optics, SceneDesc,
-    ShapeDesc, Transform, mesh_hash,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
+    MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
 use crate::scene::{Note, SceneError};
 
@@ -58,8 +59,9 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     let camera = builder.camera.take().unwrap_or_else(|| bare::framing_camera(builder.bounds));
     let dark = builder.lights.is_empty() && builder.materials.iter().all(|m| m.emission == Vec3::ZERO);
     if dark {
-        builder.note("scene", "nothing shines: give it an `environment` or lights in the script");
+        builder.note("scene", "nothing shines: it stands in white light of radiance 1 from everywhere (`environment`)");
     }
+    let white = EnvironmentDesc { source: EnvironmentSource::Color(Vec3::ONE), rotation_deg: 0.0, scale: 1.0 };
     let desc = SceneDesc {
         resolution: scn::DEFAULT_RESOLUTION,
         max_depth: scn::DEFAULT_MAX_DEPTH,
@@ -67,7 +69,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
         materials: builder.materials,
         entities: builder.entities,
         lights: builder.lights,
-        environment: None,
+        environment: dark.then_some(white),
     };
     notes.append(&mut builder.notes);
     Ok((desc.with_default_material(true), notes))
