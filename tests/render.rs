@@ -22,6 +22,8 @@ mod bsdf_albedo;
 mod bsdf_formulas;
 #[path = "render/bsdf_grid.rs"]
 mod bsdf_grid;
+#[path = "render/bsdf_interfaces.rs"]
+mod bsdf_interfaces;
 #[path = "render/bsdf_limits.rs"]
 mod bsdf_limits;
 #[path = "render/bsdf_symmetry.rs"]

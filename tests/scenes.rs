@@ -8,8 +8,14 @@ mod builtin;
 mod damaged;
 #[path = "scenes/edit.rs"]
 mod edit;
+#[path = "scenes/gltf.rs"]
+mod gltf;
 #[path = "scenes/lights.rs"]
 mod lights;
+#[path = "scenes/mitsuba.rs"]
+mod mitsuba;
+#[path = "scenes/mitsuba_damaged.rs"]
+mod mitsuba_damaged;
 #[path = "scenes/obj.rs"]
 mod obj;
 #[path = "scenes/scn.rs"]

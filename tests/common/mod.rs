@@ -9,7 +9,7 @@ use lumbre::film::Film;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{
-    DirectionalLight, Emitter, Environment, MaskMode, Material, Model, NONE, PointLight, Sphere, Texture,
+    DirectionalLight, Emitter, Environment, Interface, MaskMode, Material, Model, NONE, PointLight, Sphere, Texture,
     TriangleAttributes, UvMap,
 };
 use lumbre::scene::desc::{CameraDesc, Optics};
@@ -49,6 +49,7 @@ pub const WHITE: Material = Material {
     mask_texture: NONE,
     tiling: UvMap::IDENTITY,
     emitter_reflects: true,
+    interface: Interface::PLAIN,
 };
 
 /// A grey material.

@@ -27,3 +27,11 @@ fn the_map_of_symbols_names_what_is_in_the_code() {
     }
     assert!(lost.is_empty(), "docs/transport.md names what is not there:\n{}", lost.join("\n"));
 }
+
+#[test]
+fn the_page_of_formats_has_every_loader_and_no_other() {
+    let page = text("docs/formats.md");
+    let headings: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("## ")).collect();
+    let names: Vec<&str> = lumbre::scene::load::FORMATS.iter().map(|row| row.name).collect();
+    assert_eq!(headings, names, "docs/formats.md against scene::load::FORMATS");
+}

@@ -3,16 +3,18 @@
 use glam::Vec3;
 use lumbre::math::stats::{chi_square_p, sidak};
 use lumbre::math::warp::uniform_sphere;
-use lumbre::scene::compile::{Material, Model};
+use lumbre::scene::compile::{Distribution, Material, Model};
 use lumbre::transport::bsdf::{Bsdf, Mode};
 
-use crate::bsdf_grid::{DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, narrowest, outgoing, surface, uniform};
+use crate::bsdf_grid::{
+    DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, outgoing, surface, uniform,
+};
 use crate::common::WHITE;
 
 /// Significance of all chi-square tests of this file together, and how many there are at most: 4 mixtures of 20
-/// materials and 18 ideal ones from 5 directions.
+/// materials, 18 ideal ones and 32 interfaces from 5 directions.
 const SIGNIFICANCE: f64 = 0.01;
-const TESTS: usize = (4 * 20 + 18) * 5;
+const TESTS: usize = (4 * 20 + 18 + 32) * 5;
 
 /// Samples of each test.
 const SAMPLES: u32 = 16_000;
@@ -32,11 +34,13 @@ fn ideal() -> Vec<Material> {
 
 /// Relative error that rounding of a direction makes of a density: the logarithm of GGX changes by up to 2 / alpha per
 /// radian of the half vector, which turns by 1 / (2 cos) of what a grazing direction turns by, and further where
-/// refraction bends little.
+/// refraction bends little. The logarithm of Beckmann's distribution changes by up to 2 x / alpha, where x is four in the
+/// tails that are still sampled.
 fn rounding(m: &Material, wo: Vec3, wi: Vec3) -> f32 {
     let cos = wo.dot(NORMAL).abs().min(wi.dot(NORMAL).abs());
     let bend = if m.opacity < 1.0 { (m.ior - 1.0).abs().min(1.0) } else { 1.0 };
-    1e-3 + 5e-7 / (narrowest(m) as f32 * cos * bend)
+    let tails = if m.interface.distribution == Distribution::Beckmann { 4.0 } else { 1.0 };
+    1e-3 + tails * 5e-7 / (narrowest(m) as f32 * cos * bend)
 }
 
 /// Samples against the density integrated over cells. What has no density is one cell
@@ -105,10 +109,15 @@ fn ideal_surfaces_follow_their_density() {
 }
 
 #[test]
+fn metals_plastic_and_glass_of_both_distributions_follow_their_density() {
+    follow_density(&interfaces());
+}
+
+#[test]
 fn weights_average_to_the_integral_of_the_value() {
     // What quadrature of the value finds, sampling must find: no direction is left out.
     let n = 8000;
-    let cases: Vec<Material> = grids().into_iter().step_by(3).collect();
+    let cases: Vec<Material> = grids().into_iter().chain(interfaces()).step_by(3).collect();
     let level = sidak(0.01, cases.len() * outgoing().len() * 3);
     for material in cases {
         let b = bsdf(&material);

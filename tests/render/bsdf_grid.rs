@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec3, Vec3};
 use lumbre::math::Frame;
 use lumbre::math::rng::{pcg4d, unit};
-use lumbre::scene::compile::{Material, Model, NONE};
+use lumbre::scene::compile::{Distribution, Interface, Material, Model, NONE, diffuse_reflectance};
 use lumbre::transport::bsdf::{Bsdf, Mode};
 use lumbre::transport::surface::Surface;
 
@@ -87,6 +87,30 @@ pub fn grid(mix: Mix) -> Vec<Material> {
 /// The same for every mixture.
 pub fn grids() -> Vec<Material> {
     [Mix::Opaque, Mix::Metal, Mix::Glass, Mix::All].into_iter().flat_map(grid).collect()
+}
+
+/// Metals, plastic and glass of both distributions, stretched and round. `opacity` says nothing to these models; glass
+/// has 0, by which the tests know that something passes.
+pub fn interfaces() -> Vec<Material> {
+    let mut all = Vec::new();
+    for (distribution, roughness) in
+        [Distribution::Ggx, Distribution::Beckmann].into_iter().flat_map(|d| ROUGHNESS.map(|r| (d, r)))
+    {
+        let interface = Interface {
+            distribution,
+            eta: Vec3::new(0.2, 0.92, 1.1),
+            k: Vec3::new(3.9, 2.45, 2.14),
+            ..Interface::PLAIN
+        };
+        let plain = Material { roughness, interface, ..DISNEY };
+        all.push(Material { model: Model::Conductor, anisotropic: 0.8, ..plain });
+        let internal_reflectance = 1.0 - (1.0 - diffuse_reflectance(1.5)) / 2.25;
+        let interface = Interface { nonlinear: true, internal_reflectance, specular: Vec3::splat(0.7), ..interface };
+        all.push(Material { model: Model::Plastic, interface, ..plain });
+        all.push(Material { model: Model::Dielectric, opacity: 0.0, ..plain });
+        all.push(Material { model: Model::Dielectric, opacity: 0.0, ior: 0.7, ..plain });
+    }
+    all
 }
 
 /// Four numbers in `[0, 1)` for a sample of a test.

@@ -6,7 +6,7 @@ use lumbre::scene::compile::{Material, Model};
 use lumbre::transport::bsdf::{Bsdf, Mode};
 use lumbre::transport::surface::Surface;
 
-use crate::bsdf_grid::{DISNEY, NORMAL, bsdf, direction, grids, narrowest, outgoing, surface, uniform};
+use crate::bsdf_grid::{DISNEY, NORMAL, bsdf, direction, grids, interfaces, narrowest, outgoing, surface, uniform};
 
 /// Pairs of directions: half at random, half sampled so that narrow lobes are met.
 fn pairs(b: &Bsdf, n: u32) -> Vec<(Vec3, Vec3)> {
@@ -35,6 +35,7 @@ fn tolerance(m: &Material, wo: Vec3, wi: Vec3) -> f32 {
 
 fn materials() -> Vec<Material> {
     let mut all = grids();
+    all.extend(interfaces());
     for opacity in [0.0, 0.5, 1.0] {
         all.push(Material { model: Model::Lambert, opacity, ..DISNEY });
     }

@@ -8,7 +8,7 @@ use lumbre::scene::compile::NONE;
 use lumbre::scene::load::{Missing, load, load_with};
 
 /// The folder of shared third-party data, if this machine has it.
-fn shared(what: &str) -> Option<PathBuf> {
+pub(super) fn shared(what: &str) -> Option<PathBuf> {
     let root = std::env::var_os("LUMBRE_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let path = root.join(what);
@@ -19,7 +19,7 @@ fn shared(what: &str) -> Option<PathBuf> {
     None
 }
 
-fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
+pub(super) fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
     for path in entries {
@@ -110,4 +110,24 @@ fn loose_meshes_of_others_load_as_scenes() {
         cut_out += usize::from(scene.materials.iter().any(|m| m.mask_texture != NONE));
     }
     assert!(lit > 0 && cut_out > 0, "material files say lights ({lit}) and masks ({cut_out})");
+}
+
+#[test]
+fn mitsuba_scenes_of_others_load_without_notes_of_their_own() {
+    let Some(folder) = shared("scenes") else { return };
+    for (file, triangles, lights, depth) in [
+        ("cornell-box/scene.xml", 36, 2, 30),
+        ("veach-bidir/scene.xml", 11_544, 4, 7),
+        ("veach-mis/scene.xml", 52, 3, 3),
+        ("bedroom/scene_local.xml", 449_344, 4, 65),
+    ] {
+        let (desc, notes) = load(&folder.join(file)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(notes.is_empty(), "{file}: {notes:?}");
+        let (scene, _) = compile(&desc).unwrap();
+        assert_eq!(
+            (scene.triangles.len(), scene.emitters.len(), scene.max_depth),
+            (triangles, lights, depth),
+            "{file}"
+        );
+    }
 }

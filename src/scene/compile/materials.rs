@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{Material, NONE, Texture, UvMap};
+use super::{Interface, Material, NONE, Texture, UvMap};
 use crate::scene::desc::{
     DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot,
 };
@@ -78,14 +78,47 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, shines),
         mask_texture: texture(TextureSlot::Mask, true),
-        roughness_texture: texture(TextureSlot::Roughness, reflects && m.model == Model::Disney),
+        roughness_texture: texture(TextureSlot::Roughness, reflects && m.model != Model::Lambert),
         metallic_texture: texture(TextureSlot::Metallic, reflects),
         opacity_texture: texture(TextureSlot::Opacity, reflects),
         anisotropic_texture: texture(TextureSlot::AnisotropicDirection, reflects && m.anisotropic > 0.0),
         normal_texture: texture(TextureSlot::Normal, reflects && m.normal_strength > 0.0),
         tiling: UvMap { scale: m.tiling, offset: m.uv_offset },
         emitter_reflects: reflects,
+        interface: Interface {
+            specular: m.specular,
+            eta: m.eta,
+            k: m.k,
+            distribution: m.distribution,
+            thin: m.thin,
+            nonlinear: m.nonlinear,
+            // What passes inwards passes outwards as well, in 1 / ior^2 of the solid angle.
+            internal_reflectance: if m.model == Model::Plastic {
+                1.0 - (1.0 - diffuse_reflectance(m.ior)) / (m.ior * m.ior)
+            } else {
+                0.0
+            },
+        },
     }
+}
+
+/// Part of diffuse light that a smooth dielectric of this index reflects from outside: the Fresnel equations' mean over
+/// the projected hemisphere, in closed form [Duntley 1942].
+pub fn diffuse_reflectance(ior: f32) -> f32 {
+    let n = f64::from(ior);
+    if (n - 1.0).abs() < 1e-3 {
+        return 0.0;
+    }
+    if n < 1.0 {
+        return (1.0 - (1.0 - f64::from(diffuse_reflectance((1.0 / n) as f32))) * n * n) as f32;
+    }
+    let (n2, n4) = (n * n, n.powi(4));
+    let sum = 0.5
+        + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * (n + 1.0).powi(2))
+        + n2 * (n2 - 1.0).powi(2) / (n2 + 1.0).powi(3) * ((n - 1.0) / (n + 1.0)).ln()
+        - 2.0 * n.powi(3) * (n2 + 2.0 * n - 1.0) / ((n2 + 1.0) * (n4 - 1.0))
+        + 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * (n4 - 1.0).powi(2)) * n.ln();
+    sum.clamp(0.0, 1.0) as f32
 }
 
 /// Decoded textures, one per content and way of decoding.

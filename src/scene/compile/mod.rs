@@ -10,10 +10,12 @@ use glam::{Vec2, Vec3, Vec4};
 
 pub use flatten::{MAX_PRIMITIVES, compile};
 pub use lights::{DirectionalLight, Environment, PointLight};
+pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{MaskMode, Model};
+pub use super::desc::{Distribution, MaskMode, Model};
+pub use materials::diffuse_reflectance;
 
 /// Marks the absence of a texture or of a light in an index.
 pub const NONE: u32 = u32::MAX;
@@ -143,6 +145,40 @@ pub struct Material {
     pub tiling: UvMap,
     /// Whether the surface of a light also reflects; where not, a path that hits it ends.
     pub emitter_reflects: bool,
+    /// What the models `conductor`, `plastic` and `dielectric` need beside the rest.
+    pub interface: Interface,
+}
+
+/// What only the models `conductor`, `plastic` and `dielectric` need of a material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interface {
+    /// Factor on what is reflected at the interface.
+    pub specular: Vec3,
+    /// Real part of a metal's index by channel, relative to the outside.
+    pub eta: Vec3,
+    /// Imaginary part of a metal's index by channel, relative to the outside.
+    pub k: Vec3,
+    /// How the normals of microfacets are distributed.
+    pub distribution: Distribution,
+    /// Whether a dielectric is a thin pane.
+    pub thin: bool,
+    /// Whether light that plastic reflects back inside takes on its colour each time.
+    pub nonlinear: bool,
+    /// Part of diffuse light that is reflected back at the inside of plastic.
+    pub internal_reflectance: f32,
+}
+
+impl Interface {
+    /// White, of GGX microfacets: what materials have that ask for nothing else.
+    pub const PLAIN: Interface = Interface {
+        specular: Vec3::ONE,
+        eta: Vec3::ZERO,
+        k: Vec3::ONE,
+        distribution: Distribution::Ggx,
+        thin: false,
+        nonlinear: false,
+        internal_reflectance: 0.0,
+    };
 }
 
 /// One emissive primitive and its part of the total emitting area.
@@ -157,7 +193,7 @@ pub struct Emitter {
 impl Material {
     /// Whether shading needs tangents.
     pub fn uses_tangents(&self) -> bool {
-        self.normal_texture != NONE || (self.model == Model::Disney && self.anisotropic > 0.0)
+        self.normal_texture != NONE || (self.model != Model::Lambert && self.anisotropic > 0.0)
     }
 }
 

@@ -75,7 +75,7 @@ fn neighbours(coordinate: f32, size: u32) -> (u32, u32, f32) {
 }
 
 /// The decoding curve of sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.
-fn srgb_to_linear(x: f32) -> f32 {
+pub(in crate::scene) fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 

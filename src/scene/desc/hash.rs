@@ -12,7 +12,7 @@ use super::{
 };
 
 /// Changes whenever the encoding below does, so that hashes of different encodings never meet.
-const SCENE_TAG: &[u8] = b"lumbre scene 3";
+const SCENE_TAG: &[u8] = b"lumbre scene 4";
 const MESH_TAG: &[u8] = b"lumbre mesh 1";
 const TEXTURE_TAG: &[u8] = b"lumbre texture 1";
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::TextureDesc;
+use super::{Distribution, MaskMode, Model, TextureDesc};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
@@ -99,49 +99,6 @@ impl TextureSlot {
     }
 }
 
-/// What a material's opaque, metallic and refractive parts are made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Model {
-    /// The adapted Disney BSDF.
-    Disney,
-    /// Ideal surfaces: Lambert, mirror and smooth dielectric, mixed by `metallic` and `opacity`; of the other
-    /// parameters only base colour and `ior` have an effect.
-    Lambert,
-}
-
-impl Model {
-    /// The words for the models in scripts and scene files.
-    pub const WORDS: &'static [&'static str] = &["disney", "lambert"];
-
-    fn word(self) -> &'static str {
-        match self {
-            Model::Disney => "disney",
-            Model::Lambert => "lambert",
-        }
-    }
-}
-
-/// What a mask texture does to a hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MaskMode {
-    /// A hit below the threshold is no hit.
-    Threshold,
-    /// A hit counts with the mask's value as probability, decided by a hash of ray and hit.
-    Blend,
-}
-
-impl MaskMode {
-    /// The words for the modes in scripts and scene files.
-    pub const WORDS: &'static [&'static str] = &["threshold", "blend"];
-
-    fn word(self) -> &'static str {
-        match self {
-            MaskMode::Threshold => "threshold",
-            MaskMode::Blend => "blend",
-        }
-    }
-}
-
 /// A material as its file says it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialDesc {
@@ -179,6 +136,18 @@ pub struct MaterialDesc {
     pub smooth_below: f32,
     /// Which BSDF the parameters describe.
     pub model: Model,
+    /// Factor on what conductors, plastic and dielectrics reflect at their surface, in 0..=1.
+    pub specular: Vec3,
+    /// Real part of a conductor's index of refraction by channel, relative to the outside, at least 0.
+    pub eta: Vec3,
+    /// Imaginary part of a conductor's index of refraction by channel, relative to the outside, at least 0.
+    pub k: Vec3,
+    /// How the microfacets of conductors, plastic and dielectrics are distributed.
+    pub distribution: Distribution,
+    /// Whether a dielectric is a thin pane without an inside.
+    pub thin: bool,
+    /// Whether light that plastic reflects back inside takes on its colour each time.
+    pub nonlinear: bool,
     /// Factor on the slope of the normal map.
     pub normal_strength: f32,
     /// Mask values below this are holes.
@@ -218,6 +187,12 @@ impl MaterialDesc {
             clearcoat_gloss: 1.0,
             smooth_below: SMOOTH_ROUGHNESS,
             model: Model::Disney,
+            specular: Vec3::ONE,
+            eta: Vec3::ZERO,
+            k: Vec3::ONE,
+            distribution: Distribution::Ggx,
+            thin: false,
+            nonlinear: false,
             normal_strength: 1.0,
             mask_threshold: MASK_THRESHOLD,
             mask_mode: MaskMode::Threshold,
@@ -278,19 +253,35 @@ macro_rules! vector {
 }
 
 macro_rules! word {
-    ($name:ident, $scn:literal, $kind:ident, $first:ident, $second:ident, $doc:literal) => {
+    ($name:ident, $kind:ident, $doc:literal) => {
         MaterialParam {
             name: stringify!($name),
-            scn_key: $scn,
+            scn_key: stringify!($name),
             scn_texture_key: "",
             ty: Ty::Word($kind::WORDS),
             unit: "",
             doc: $doc,
             get: |m| Value::Str(m.$name.word().to_owned()),
             set_checked: |m, v| {
-                let second = v.as_str() == Some($kind::$second.word());
-                m.$name = if second { $kind::$second } else { $kind::$first };
+                let said = $kind::ALL.into_iter().find(|kind| v.as_str() == Some(kind.word()));
+                m.$name = said.unwrap_or(m.$name);
             },
+            texture: None,
+        }
+    };
+}
+
+macro_rules! flag {
+    ($name:ident, $doc:literal) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: stringify!($name),
+            scn_texture_key: "",
+            ty: Ty::Bool,
+            unit: "",
+            doc: $doc,
+            get: |m| Value::Bool(m.$name),
+            set_checked: |m, v| m.$name = *v == Value::Bool(true),
             texture: None,
         }
     };
@@ -415,12 +406,57 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &[
     scalar!(clearcoat_gloss, "clearcoatgloss", 0.0, 1.0, "", "0 is a satin, 1 a glossy clear coat [Burley 2012]."),
     word!(
         model,
-        "model",
         Model,
-        Disney,
-        Lambert,
         "`lambert` makes surfaces ideal: the opaque part Lambertian, metal a mirror, glass smooth; roughness and the \
-         parameters of the Disney lobes have no effect then."
+         parameters of the Disney lobes have no effect then. `conductor` is a metal of the index `eta` + i `k`, `plastic` \
+         a diffuse body of the base colour under a surface of index `ior`, `dielectric` glass of that index: of the other \
+         parameters they have roughness, anisotropy, `distribution` and `specular`."
+    ),
+    vector!(
+        specular,
+        "specular",
+        3,
+        0.0,
+        1.0,
+        "",
+        None,
+        "",
+        "Factor on what the surfaces of the models `conductor`, `plastic` and `dielectric` reflect."
+    ),
+    vector!(
+        eta,
+        "eta",
+        3,
+        0.0,
+        100.0,
+        "",
+        None,
+        "",
+        "Real part of the index of the model `conductor` by channel, relative to the outside; with 0, and `k` of 1, it is a \
+         perfect mirror."
+    ),
+    vector!(
+        k,
+        "k",
+        3,
+        0.0,
+        100.0,
+        "",
+        None,
+        "",
+        "Imaginary part of the index of the model `conductor` by channel, relative to the outside."
+    ),
+    word!(
+        distribution,
+        Distribution,
+        "How the microfacets of the models `conductor`, `plastic` and `dielectric` are distributed; the other models have \
+         `ggx`."
+    ),
+    flag!(thin, "Whether the model `dielectric` is a thin pane: what passes is not bent, and there is no inside."),
+    flag!(
+        nonlinear,
+        "Whether light that the model `plastic` reflects back inside takes on the base colour each time, which makes \
+         saturated colours more so."
     ),
     scalar!(
         smooth_below,
@@ -452,25 +488,15 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &[
     ),
     word!(
         mask_mode,
-        "mask_mode",
         MaskMode,
-        Threshold,
-        Blend,
         "`blend` lets a hit count with the mask's value as probability, decided by a hash of ray and hit."
     ),
-    MaterialParam {
-        name: "shadow_terminator",
-        scn_key: "shadow_terminator",
-        scn_texture_key: "",
-        ty: Ty::Bool,
-        unit: "",
-        doc: "Whether light that passes below an opaque triangle still reaches the curved surface that its normals \
-              suggest, which hides the hard edge where smooth shading meets shadow [Vives]. It shows another surface than \
-              the triangles, so it is off unless asked for.",
-        get: |m| Value::Bool(m.shadow_terminator),
-        set_checked: |m, v| m.shadow_terminator = *v == Value::Bool(true),
-        texture: None,
-    },
+    flag!(
+        shadow_terminator,
+        "Whether light that passes below an opaque triangle still reaches the curved surface that its normals suggest, \
+         which hides the hard edge where smooth shading meets shadow [Vives]. It shows another surface than the triangles, \
+         so it is off unless asked for."
+    ),
     scalar!(tiling, "tiling", -1e6, 1e6, "repeats", "Factor on texture coordinates."),
     vector!(
         uv_offset,

@@ -4,6 +4,7 @@ mod camera;
 mod hash;
 pub mod light;
 pub mod material;
+mod model;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,7 +14,8 @@ use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 pub use camera::{CameraDesc, Optics};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
-pub use material::{MATERIAL_PARAMS, MaskMode, MaterialDesc, Model, TextureSlot};
+pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+pub use model::{Distribution, MaskMode, Model};
 
 /// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";

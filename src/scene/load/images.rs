@@ -1,4 +1,4 @@
-//! Textures: PNG, JPEG, BMP and Radiance HDR files through the `image` crate, and OpenEXR, within limits.
+//! Textures: PNG, JPEG, BMP, TGA and Radiance HDR files through the `image` crate, and OpenEXR, within limits.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -24,14 +24,21 @@ const MAX_EXR_PIXELS: usize = 1 << 26;
 /// # Errors
 /// A file that cannot be read, is no image of a known format, is damaged, or exceeds the limits on its size.
 pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneError> {
+    decode(path, read(path, MAX_TEXTURE_BYTES)?, notes)
+}
+
+/// The same for the bytes of a file, or of a part of one; the path is for messages, and tells formats without a mark.
+///
+/// # Errors
+/// As for [`load`].
+pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneError> {
     let malformed = |problem: String| SceneError::Malformed {
         file: path.to_owned(),
         place: "image".to_owned(),
         problem: format!(
-            "{problem} (PNG, JPEG, BMP, HDR and EXR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"
+            "{problem} (PNG, JPEG, BMP, TGA, HDR and EXR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"
         ),
     };
-    let bytes = read(path, MAX_TEXTURE_BYTES)?;
     if bytes.starts_with(&openexr::MAGIC) {
         let (image, _) = openexr::decode(&bytes, MAX_EXR_PIXELS).map_err(malformed)?;
         if image.width.max(image.height) > MAX_TEXTURE_SIDE {
@@ -117,6 +124,19 @@ mod tests {
         let moved = dir.path().join("wrong_extension.jpg");
         std::fs::copy(&path, &moved).unwrap();
         assert_eq!(load(&moved, &mut notes).unwrap().content_hash, t.content_hash);
+    }
+
+    #[test]
+    fn targa_files_are_known_by_their_extension() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.tga");
+        // Uncompressed, 2 x 1, 24 bits, from the top: blue, green, red.
+        let mut bytes = vec![0u8; 18];
+        (bytes[2], bytes[12], bytes[14], bytes[16], bytes[17]) = (2, 2, 1, 24, 0x20);
+        bytes.extend([0, 128, 255, 7, 8, 9]);
+        std::fs::write(&path, bytes).unwrap();
+        let Texels::Rgba8(texels) = load(&path, &mut Vec::new()).unwrap().texels else { panic!("eight bits expected") };
+        assert_eq!(texels, [[255, 128, 0, 255], [9, 8, 7, 255]]);
     }
 
     #[test]

@@ -3,9 +3,13 @@
 //! Every loader returns a [`SceneDesc`] and [`Note`]s about what it could not honour. Sizes are checked before
 //! anything is read, and nothing is allocated that the size of a file does not justify.
 
+mod bare;
+mod gltf;
 mod images;
+mod mitsuba;
 mod obj;
 pub mod openexr;
+mod ply;
 mod scn;
 
 pub use images::load as texture;
@@ -47,6 +51,13 @@ pub enum Missing {
 /// Every scene format, in the order in which files are sniffed.
 pub const FORMATS: &[FormatRow] = &[
     FormatRow {
+        name: "gltf",
+        extensions: &["gltf", "glb"],
+        doc: "glTF 2.0: nodes, meshes, cameras, point and directional lights, metallic-roughness materials with extensions.",
+        sniff: gltf::sniff,
+        load: gltf::load,
+    },
+    FormatRow {
         name: "scn",
         extensions: &["scn"],
         doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and spheres.",
@@ -59,6 +70,20 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "A Wavefront OBJ mesh with the materials of its .mtl files, seen by a camera that frames its bounds.",
         sniff: obj::sniff,
         load: obj::load,
+    },
+    FormatRow {
+        name: "ply",
+        extensions: &["ply"],
+        doc: "A PLY mesh, ASCII or binary, seen by a camera that frames its bounds.",
+        sniff: ply::sniff,
+        load: ply::load,
+    },
+    FormatRow {
+        name: "mitsuba",
+        extensions: &["xml"],
+        doc: "Scenes of Mitsuba 3 in XML, those of Mitsuba 0.5 and 0.6 too: cameras, shapes, surfaces, textures, lights.",
+        sniff: mitsuba::sniff,
+        load: mitsuba::load,
     },
 ];
 
@@ -154,7 +179,7 @@ mod tests {
         let text = dir.path().join("text.txt");
         std::fs::write(&text, "hello").unwrap();
         let e = load(&text).unwrap_err().to_string();
-        assert!(e.contains(".scn, .obj"), "{e}");
+        assert!(e.contains(".scn, .obj, .ply, .xml"), "{e}");
     }
 
     #[test]

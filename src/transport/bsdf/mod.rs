@@ -7,7 +7,10 @@
 //! | (1 - metallic) (1 - opacity) | [`ggx`] reflection and refraction with exact Fresnel | [`dielectric`] |
 //! | clearcoat / 4, over all of these | [`clearcoat`] | |
 //!
-//! Below the roughness `smooth_below` the GGX lobes are Dirac lobes.
+//! The models `conductor`, `plastic` and `dielectric` are single interfaces with microfacets of either distribution, as
+//! other renderers have them ([`interface`]).
+//!
+//! Below the roughness `smooth_below` the lobes of microfacets are Dirac lobes.
 //!
 //! Directions are in the local frame whose z axis is the shading normal on the front side, and whose x axis is the
 //! direction in which anisotropic highlights are stretched. Opaque surfaces are two-sided.
@@ -29,15 +32,21 @@
 //! onto each other: a white metal of roughness 1 reflects `1 - ln 2 = 0.31` of the light that falls on it straight,
 //! white glass of that roughness and index 1.5 0.89 from outside and 0.42 from inside.
 
+pub mod beckmann;
 pub mod clearcoat;
+pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
 pub mod disney;
+pub mod facets;
 pub mod fresnel;
 pub mod ggx;
+pub mod glass;
 pub mod ideal;
+pub mod interface;
 pub mod lambert;
 pub mod mirror;
+pub mod plastic;
 
 use glam::Vec3;
 
@@ -46,6 +55,7 @@ use self::diffuse::Diffuse;
 use self::disney::Disney;
 use self::ggx::Ggx;
 use self::ideal::Ideal;
+use self::interface::Interface;
 use super::surface::{Surface, lookup_scalar};
 use crate::math::Frame;
 use crate::scene::compile::{Model, Texture};
@@ -128,6 +138,7 @@ pub struct Bsdf {
 enum Kind {
     Ideal(Ideal),
     Disney(Disney),
+    Interface(Interface),
 }
 
 impl Bsdf {
@@ -142,6 +153,13 @@ impl Bsdf {
         let dielectric = 1.0 - metallic;
         let [opaque, refractive] = [dielectric * opacity, dielectric * (1.0 - opacity)];
         let kind = match m.model {
+            Model::Conductor | Model::Plastic | Model::Dielectric => {
+                let roughness = scalar(m.roughness_texture, m.roughness);
+                match Interface::new(m, base_color, roughness) {
+                    Some(interface) => Kind::Interface(interface),
+                    None => Kind::Ideal(Ideal { base_color, ior: m.ior, mix: [1.0, 0.0, 0.0] }),
+                }
+            }
             Model::Lambert => Kind::Ideal(Ideal { base_color, ior: m.ior, mix: [opaque, metallic, refractive] }),
             Model::Disney => {
                 let roughness = scalar(m.roughness_texture, m.roughness);
@@ -180,6 +198,7 @@ impl Bsdf {
         let f = match &self.kind {
             Kind::Ideal(k) => k.eval(o, i),
             Kind::Disney(k) => k.eval(o, i, mode),
+            Kind::Interface(k) => k.eval(o, i, mode),
         };
         match mode {
             Mode::Radiance => f,
@@ -193,6 +212,7 @@ impl Bsdf {
         self.local_pair(wo, wi, Mode::Radiance).map_or(0.0, |(o, i)| match &self.kind {
             Kind::Ideal(k) => k.pdf_w(o, i),
             Kind::Disney(k) => k.pdf_w(o, i),
+            Kind::Interface(k) => k.pdf_w(o, i),
         })
     }
 
@@ -203,6 +223,7 @@ impl Bsdf {
         let (f, [pdf_w, reverse_pdf_w]) = match &self.kind {
             Kind::Ideal(k) => (k.eval(o, i), [k.pdf_w(o, i), k.pdf_w(i, o)]),
             Kind::Disney(k) => k.evaluate(o, i, mode),
+            Kind::Interface(k) => k.evaluate(o, i, mode),
         };
         let f = match mode {
             Mode::Radiance => f,
@@ -224,6 +245,7 @@ impl Bsdf {
         match &self.kind {
             Kind::Ideal(k) => k.mix[0] > 0.0,
             Kind::Disney(k) => k.has_density(),
+            Kind::Interface(k) => k.has_density(),
         }
     }
 
@@ -235,6 +257,7 @@ impl Bsdf {
         let Local { sample, pdf_w, delta } = match &self.kind {
             Kind::Ideal(k) => k.sample(o, u, v, mode)?,
             Kind::Disney(k) => k.sample(o, u, v, mode)?,
+            Kind::Interface(k) => k.sample(o, u, v, mode)?,
         };
         let wi = self.frame.to_world(sample.wi);
         if pdf_w <= 0.0 || !self.agrees(wo, o) || !self.lets_in(wi, sample.wi, o, mode) {

@@ -16,11 +16,8 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::{DARK_MESH, Missing, read};
-use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
-    mesh_hash,
-};
+use super::{Missing, bare, read};
+use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of an OBJ file in bytes.
@@ -63,50 +60,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     let find = |name: &String| known.iter().find(|m| m.name == *name).cloned();
     let materials: Vec<MaterialDesc> =
         mesh.slots.iter().map(|name| find(name).unwrap_or_else(|| MaterialDesc::new(name))).collect();
-    if materials.iter().all(|m| m.emission == Vec3::ZERO) {
-        notes.push(Note { file: path.to_owned(), place: "materials".to_owned(), message: DARK_MESH.to_owned() });
-    }
-    let camera = framing_camera(&mesh.positions);
-    let name = path.file_stem().map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
-    let desc = SceneDesc {
-        views: Vec::new(),
-        resolution: super::scn::DEFAULT_RESOLUTION,
-        max_depth: super::scn::DEFAULT_MAX_DEPTH,
-        camera,
-        materials,
-        entities: vec![EntityDesc {
-            name,
-            transform: Transform::default(),
-            material: None,
-            anisotropic_direction: None,
-            shape: ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
-        }],
-        lights: Vec::new(),
-        environment: None,
-    };
-    Ok((desc, notes))
-}
-
-/// A camera on the +z side of the points that sees all of them.
-fn framing_camera(points: &[Vec3]) -> CameraDesc {
-    let fov_deg: f32 = 45.0;
-    let (low, high) =
-        points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-    let (center, radius) = if points.is_empty() {
-        (Vec3::ZERO, 1.0)
-    } else {
-        ((low + high) / 2.0, ((high - low).length() / 2.0).max(1e-6))
-    };
-    let distance = 1.1 * radius / (fov_deg.to_radians() / 2.0).sin();
-    CameraDesc {
-        position: center + Vec3::Z * distance,
-        target: center,
-        up: Vec3::Y,
-        fov_deg,
-        aperture: 0.0,
-        focus_distance: None,
-        optics: Optics::default(),
-    }
+    Ok((bare::scene(path, mesh, materials, &mut notes), notes))
 }
 
 /// Reads one mesh; `default_slot` is the slot of faces that no `usemtl` names a material for.

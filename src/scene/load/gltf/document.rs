@@ -1,0 +1,290 @@
+//! The JSON of a glTF with its buffers: objects by index, and the numbers of accessors.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value as Json;
+
+use crate::scene::SceneError;
+use crate::scene::load::read;
+
+/// Greatest size of the file, and of each buffer beside it, in bytes.
+const MAX_FILE_BYTES: u64 = 1 << 30;
+/// The first four bytes of a .glb.
+pub(super) const GLB_MAGIC: &[u8; 4] = b"glTF";
+/// Component types: their code, size, and greatest value as an integer.
+const COMPONENTS: &[(u64, usize, f64)] =
+    &[(5120, 1, 127.0), (5121, 1, 255.0), (5122, 2, 32767.0), (5123, 2, 65535.0), (5125, 4, 1.0), (5126, 4, 1.0)];
+/// How many numbers elements of a type have.
+const TYPES: &[(&str, usize)] = &[("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4)];
+
+/// A document with all bytes that its buffers hold.
+pub(super) struct Document {
+    /// The file.
+    pub path: PathBuf,
+    /// Its JSON.
+    pub json: Json,
+    buffers: Vec<Vec<u8>>,
+}
+
+impl Document {
+    /// Reads a .gltf with its buffers, or a .glb.
+    pub fn read(path: &Path) -> Result<Document, SceneError> {
+        let bytes = read(path, MAX_FILE_BYTES)?;
+        let malformed = |place: &str, problem: String| SceneError::Malformed {
+            file: path.to_owned(),
+            place: place.to_owned(),
+            problem,
+        };
+        let (text, binary) = if bytes.starts_with(GLB_MAGIC) {
+            chunks(&bytes).map_err(|problem| malformed("chunks", problem))?
+        } else {
+            (&bytes[..], None)
+        };
+        let json: Json = serde_json::from_slice(text).map_err(|e| {
+            malformed(&format!("line {}, column {}", e.line(), e.column()), format!("no valid JSON: {e}"))
+        })?;
+        let mut document = Document { path: path.to_owned(), json, buffers: Vec::new() };
+        for i in 0..document.count("buffers") {
+            let bytes = match document.uri(&format!("buffers[{i}]"), document.at("buffers", i))? {
+                Some(bytes) => bytes,
+                None if i == 0 && binary.is_some() => binary.unwrap_or_default().to_vec(),
+                None => {
+                    return Err(document.error(&format!("buffers[{i}]"), "it has neither a `uri` nor a binary chunk"));
+                }
+            };
+            document.buffers.push(bytes);
+        }
+        Ok(document)
+    }
+
+    /// An error at a key path.
+    pub fn error(&self, place: &str, problem: impl Into<String>) -> SceneError {
+        SceneError::Malformed { file: self.path.clone(), place: place.to_owned(), problem: problem.into() }
+    }
+
+    /// How many objects a list of the document has.
+    pub fn count(&self, list: &str) -> usize {
+        self.json[list].as_array().map_or(0, Vec::len)
+    }
+
+    /// An object of a list; null where there is none.
+    pub fn at(&self, list: &str, i: usize) -> &Json {
+        &self.json[list][i]
+    }
+
+    /// The object that an index names.
+    pub fn named<'a>(&'a self, place: &str, list: &str, index: &Json) -> Result<(usize, &'a Json), SceneError> {
+        let count = self.count(list);
+        match index.as_u64().and_then(|i| usize::try_from(i).ok()).filter(|i| *i < count) {
+            Some(i) => Ok((i, self.at(list, i))),
+            None => Err(self.error(place, format!("expected an index below {count} of `{list}`, found {index:.40}"))),
+        }
+    }
+
+    /// The bytes that a `uri` names, in the text itself or beside the file.
+    pub fn uri(&self, place: &str, object: &Json) -> Result<Option<Vec<u8>>, SceneError> {
+        let Some(uri) = object["uri"].as_str() else { return Ok(None) };
+        if let Some(data) = uri.strip_prefix("data:") {
+            let Some((_, coded)) = data.split_once(";base64,") else {
+                return Err(self.error(place, "data in a `uri` must be base64"));
+            };
+            return base64(coded).map(Some).ok_or_else(|| self.error(place, "its base64 is damaged"));
+        }
+        read(&self.beside(uri), MAX_FILE_BYTES).map(Some).map_err(|e| self.error(place, e.to_string()))
+    }
+
+    /// The path of a relative `uri`.
+    pub fn beside(&self, uri: &str) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(percent_decoded(uri))
+    }
+
+    /// The bytes of a buffer view, and its stride.
+    pub fn view(&self, place: &str, index: &Json) -> Result<(&[u8], Option<usize>), SceneError> {
+        let (i, view) = self.named(place, "bufferViews", index)?;
+        let place = format!("bufferViews[{i}]");
+        let (b, _) = self.named(&place, "buffers", &view["buffer"])?;
+        let number = |key: &str| view[key].as_u64().unwrap_or(0) as usize;
+        let (start, length) = (number("byteOffset"), number("byteLength"));
+        let bytes = start.checked_add(length).and_then(|end| self.buffers[b].get(start..end));
+        let stride = view["byteStride"].as_u64().map(|s| s as usize);
+        match bytes {
+            Some(bytes) => Ok((bytes, stride)),
+            None => Err(self.error(&place, format!("bytes {start} to {start}+{length} of {}", self.buffers[b].len()))),
+        }
+    }
+
+    /// The elements of an accessor, each of `n` numbers; integers as they are unless they are normalised. Interleaved,
+    /// quantised and sparse ones are read.
+    pub fn numbers(&self, place: &str, index: &Json, n: usize) -> Result<Vec<f64>, SceneError> {
+        let (i, accessor) = self.named(place, "accessors", index)?;
+        let place = format!("accessors[{i}]");
+        let width = TYPES.iter().find(|t| Some(t.0) == accessor["type"].as_str()).map(|t| t.1);
+        if width != Some(n) {
+            return Err(
+                self.error(&place, format!("expected elements of {n} numbers, found `{:.20}`", accessor["type"]))
+            );
+        }
+        let count = accessor["count"].as_u64().unwrap_or(0) as usize;
+        let normalized = accessor["normalized"].as_bool().unwrap_or(false);
+        let sparse = &accessor["sparse"];
+        let mut out = if accessor["bufferView"].is_null() {
+            // Only a sparse accessor says something without bytes; its own elements bound its size.
+            let most = self.buffers.iter().map(Vec::len).sum::<usize>();
+            if count > most {
+                return Err(self.error(&place, format!("{count} elements, more than there are bytes")));
+            }
+            vec![0.0; count * n]
+        } else {
+            self.packed(&place, accessor, &accessor["bufferView"], count, n, normalized)?
+        };
+        if !sparse.is_null() {
+            let changed = sparse["count"].as_u64().unwrap_or(0) as usize;
+            let which = self.packed(&place, &sparse["indices"], &sparse["indices"]["bufferView"], changed, 1, false)?;
+            let mut values = sparse["values"].clone();
+            values["componentType"] = accessor["componentType"].clone();
+            let values = self.packed(&place, &values, &values["bufferView"], changed, n, normalized)?;
+            for (k, at) in which.iter().enumerate() {
+                let at = *at as usize;
+                if at >= count {
+                    return Err(self.error(&place, format!("its sparse part names element {at} of {count}")));
+                }
+                out[at * n..(at + 1) * n].copy_from_slice(&values[k * n..(k + 1) * n]);
+            }
+        }
+        match out.iter().all(|x| x.is_finite()) {
+            true => Ok(out),
+            false => Err(self.error(&place, "its numbers must be finite")),
+        }
+    }
+
+    fn packed(
+        &self,
+        place: &str,
+        said: &Json,
+        view: &Json,
+        count: usize,
+        n: usize,
+        normalized: bool,
+    ) -> Result<Vec<f64>, SceneError> {
+        let (bytes, stride) = self.view(place, view)?;
+        let code = said["componentType"].as_u64().unwrap_or(0);
+        let Some((_, size, most)) = COMPONENTS.iter().find(|c| c.0 == code) else {
+            return Err(self.error(place, format!("{code} is no component type")));
+        };
+        let stride = stride.filter(|s| *s > 0).unwrap_or(size * n);
+        let start = said["byteOffset"].as_u64().unwrap_or(0) as usize;
+        let last =
+            count.checked_sub(1).and_then(|k| k.checked_mul(stride)).unwrap_or(if count == 0 { 0 } else { usize::MAX });
+        let end = start.checked_add(last).and_then(|at| at.checked_add(size * n));
+        if count > 0 && end.is_none_or(|end| end > bytes.len()) {
+            return Err(self.error(place, format!("{count} elements do not fit its {} bytes", bytes.len())));
+        }
+        let mut out = Vec::with_capacity(count * n);
+        for k in 0..count {
+            for c in 0..n {
+                let at = start + k * stride + c * size;
+                let x = component(code, &bytes[at..at + size]);
+                out.push(if normalized { (x / most).max(-1.0) } else { x });
+            }
+        }
+        Ok(out)
+    }
+}
+
+fn component(code: u64, b: &[u8]) -> f64 {
+    match (code, b) {
+        (5120, [a]) => f64::from(*a as i8),
+        (5121, [a]) => f64::from(*a),
+        (5122, [a, b]) => f64::from(i16::from_le_bytes([*a, *b])),
+        (5123, [a, b]) => f64::from(u16::from_le_bytes([*a, *b])),
+        (5125, [a, b, c, d]) => f64::from(u32::from_le_bytes([*a, *b, *c, *d])),
+        (5126, [a, b, c, d]) => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
+        _ => f64::NAN,
+    }
+}
+
+/// The JSON and the binary chunk of a .glb.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
+    let word = |at: usize| {
+        let raw = bytes.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
+        raw.map(|b| u32::from_le_bytes(b) as usize).ok_or_else(|| format!("the file ends at byte {}", bytes.len()))
+    };
+    if word(4)? != 2 {
+        return Err(format!("expected version 2, found {}", word(4)?));
+    }
+    let (mut at, mut found): (usize, [Option<&[u8]>; 2]) = (12, [None, None]);
+    while at + 8 <= bytes.len() {
+        let (length, kind) = (word(at)?, word(at + 4)?);
+        let chunk = bytes.get(at + 8..at + 8 + length).ok_or_else(|| format!("the chunk at byte {at} is cut off"))?;
+        match kind {
+            0x4E4F_534A => found[0] = found[0].or(Some(chunk)),
+            0x004E_4942 => found[1] = found[1].or(Some(chunk)),
+            _ => {}
+        }
+        at += 8 + length;
+    }
+    found[0].map(|json| (json, found[1])).ok_or_else(|| "it has no JSON chunk".to_owned())
+}
+
+/// The bytes that base64 says [RFC 4648].
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let value = |c: u8| {
+        Some(u32::from(match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        }))
+    };
+    let digits = text.trim_end_matches('=').as_bytes();
+    let mut out = Vec::with_capacity(digits.len() / 4 * 3 + 3);
+    for group in digits.chunks(4) {
+        let mut bits = 0;
+        for c in group {
+            bits = bits << 6 | value(*c)?;
+        }
+        match group.len() {
+            4 => out.extend_from_slice(&bits.to_be_bytes()[1..]),
+            3 => out.extend_from_slice(&(bits >> 2).to_be_bytes()[2..]),
+            2 => out.push((bits >> 4) as u8),
+            _ => return None,
+        }
+    }
+    Some(out)
+}
+
+/// A `uri` with its `%20` and the like as the characters that they mean.
+fn percent_decoded(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let (mut out, mut at) = (Vec::with_capacity(bytes.len()), 0);
+    while at < bytes.len() {
+        let hex = |k: usize| bytes.get(at + k).and_then(|b| (*b as char).to_digit(16));
+        match (bytes[at], hex(1), hex(2)) {
+            (b'%', Some(high), Some(low)) => {
+                out.push((high * 16 + low) as u8);
+                at += 3;
+            }
+            (b, ..) => {
+                out.push(b);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_and_percent_signs_are_read() {
+        assert_eq!(base64("Zm9vYmFy").unwrap(), b"foobar");
+        assert_eq!(base64("Zm9vYg==").unwrap(), b"foob");
+        assert_eq!(base64("Zm9vYmE=").unwrap(), b"fooba");
+        assert!(base64("Zm9*").is_none() && base64("Z").is_none());
+        assert_eq!(percent_decoded("a%20b%2"), "a b%2");
+    }
+}

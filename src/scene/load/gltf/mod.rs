@@ -1,0 +1,395 @@
+//! glTF 2.0: `.gltf` with its buffers and images beside it or in it, and `.glb`.
+//!
+//! Read are nodes with their transforms, meshes shared between them, the first perspective camera of the default scene,
+//! point and directional lights (`KHR_lights_punctual`), and materials ([`material`]). Intensities are taken as radiance
+//! is here, without photometric factors. Texture coordinates start at the top left in the file and at the bottom left
+//! here. Triangles without normals are flat, as the format says. A document without any light gets white light from
+//! everywhere, since viewers bring their own. Surfaces are two-sided whatever `doubleSided` says.
+
+mod document;
+mod material;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec2, Vec3, Vec3A};
+use serde_json::Value as Json;
+
+use self::document::{Document, GLB_MAGIC};
+use self::material::Materials;
+use super::{Missing, bare, scn};
+use crate::scene::desc::{
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
+    MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+};
+use crate::scene::{Note, SceneError};
+
+/// How deep nodes may lie in one another.
+const MAX_DEPTH: usize = 256;
+/// How many entities nodes may make, of which one mesh can be reached on many ways.
+const MAX_ENTITIES: usize = 1 << 20;
+
+/// Whether the first bytes of a file are those of a .glb, or of a JSON that names its `asset`.
+pub(super) fn sniff(head: &[u8]) -> bool {
+    head.starts_with(GLB_MAGIC) || head.windows(7).any(|w| w == b"\"asset\"")
+}
+
+/// Reads a document and everything that it names.
+pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let document = Document::read(path)?;
+    if !document.json["asset"]["version"].as_str().is_some_and(|v| v.starts_with("2.")) {
+        return Err(document.error("asset.version", "expected version 2.x"));
+    }
+    let mut notes = Vec::new();
+    let mut builder = Builder {
+        document: &document,
+        materials: Vec::new(),
+        rows: BTreeMap::new(),
+        meshes: BTreeMap::new(),
+        entities: Vec::new(),
+        lights: Vec::new(),
+        camera: None,
+        bounds: None,
+        names: BTreeSet::new(),
+        notes: Vec::new(),
+    };
+    builder.read_materials(missing, &mut notes)?;
+    builder.scene()?;
+    let camera = builder.camera.take().unwrap_or_else(|| bare::framing_camera(builder.bounds));
+    let dark = builder.lights.is_empty() && builder.materials.iter().all(|m| m.emission == Vec3::ZERO);
+    if dark {
+        builder.note("scene", "nothing shines: it stands in white light of radiance 1 from everywhere (`environment`)");
+    }
+    let white = EnvironmentDesc { source: EnvironmentSource::Color(Vec3::ONE), rotation_deg: 0.0, scale: 1.0 };
+    let desc = SceneDesc {
+        resolution: scn::DEFAULT_RESOLUTION,
+        max_depth: scn::DEFAULT_MAX_DEPTH,
+        camera,
+        materials: builder.materials,
+        entities: builder.entities,
+        lights: builder.lights,
+        environment: dark.then_some(white),
+    };
+    notes.append(&mut builder.notes);
+    Ok((desc.with_default_material(true), notes))
+}
+
+struct Builder<'a> {
+    document: &'a Document,
+    materials: Vec<MaterialDesc>,
+    /// Name, set and map of texture coordinates by index of a material.
+    rows: BTreeMap<usize, (String, u64, glam::Affine2)>,
+    meshes: BTreeMap<usize, Option<Arc<MeshDesc>>>,
+    entities: Vec<EntityDesc>,
+    lights: Vec<LightDesc>,
+    camera: Option<CameraDesc>,
+    bounds: Option<[Vec3; 2]>,
+    names: BTreeSet<String>,
+    notes: Vec<Note>,
+}
+
+impl Builder<'_> {
+    fn note(&mut self, place: &str, message: impl Into<String>) {
+        let (file, place, message) = (self.document.path.clone(), place.to_owned(), message.into());
+        self.notes.push(Note { file, place, message });
+    }
+
+    /// A name of its own: the one that is given, or the stem and a number.
+    fn name(&mut self, given: &Json, stem: &str) -> String {
+        let base = given.as_str().filter(|n| !n.is_empty()).unwrap_or(stem).to_owned();
+        let mut name = base.clone();
+        let mut number = 1;
+        while !self.names.insert(name.clone()) {
+            number += 1;
+            name = format!("{base}_{number}");
+        }
+        name
+    }
+
+    fn read_materials(&mut self, missing: Missing, notes: &mut Vec<Note>) -> Result<(), SceneError> {
+        let document = self.document;
+        let mut reader = Materials::new(document, missing, notes);
+        for i in 0..document.count("materials") {
+            let name = self.name(&document.at("materials", i)["name"], "material");
+            let read = reader.read(i, name.clone())?;
+            self.rows.insert(i, (name, read.uv_set, read.uv));
+            self.materials.push(read.desc);
+        }
+        Ok(())
+    }
+
+    fn scene(&mut self) -> Result<(), SceneError> {
+        let document = self.document;
+        for (list, what) in [("animations", "animations"), ("skins", "skins")] {
+            if document.count(list) > 0 {
+                self.note(list, format!("{what} are not read: everything stands as its nodes say"));
+            }
+        }
+        let roots: Vec<Json> = match document.count("scenes") {
+            0 => {
+                let children = (0..document.count("nodes")).flat_map(|i| list(&document.at("nodes", i)["children"]));
+                let inner: BTreeSet<u64> = children.filter_map(|c| c.as_u64()).collect();
+                (0..document.count("nodes") as u64).filter(|i| !inner.contains(i)).map(Json::from).collect()
+            }
+            _ => {
+                let which = document.json.get("scene").cloned().unwrap_or(Json::from(0));
+                list(&document.named("scene", "scenes", &which)?.1["nodes"])
+            }
+        };
+        roots.iter().try_for_each(|root| self.node(root, DAffine3::IDENTITY, 0))
+    }
+
+    fn node(&mut self, index: &Json, around: DAffine3, depth: usize) -> Result<(), SceneError> {
+        let document = self.document;
+        let (i, node) = document.named("nodes", "nodes", index)?;
+        let place = format!("nodes[{i}]");
+        if depth > MAX_DEPTH || self.entities.len() > MAX_ENTITIES {
+            return Err(document.error(&place, "nodes lie in a circle, too deep, or are reached too often"));
+        }
+        let world = around * transform(node);
+        if !world.is_finite() {
+            return Err(document.error(&place, "its transform must be finite"));
+        }
+        if !node["mesh"].is_null() {
+            self.entity(&place, node, world)?;
+        }
+        if !node["camera"].is_null() {
+            self.camera(&place, node, world)?;
+        }
+        let light = &node["extensions"]["KHR_lights_punctual"]["light"];
+        if !light.is_null() {
+            self.light(&place, light, world)?;
+        }
+        list(&node["children"]).iter().try_for_each(|child| self.node(child, world, depth + 1))
+    }
+
+    fn entity(&mut self, place: &str, node: &Json, world: DAffine3) -> Result<(), SceneError> {
+        let (i, mesh) = self.document.named(place, "meshes", &node["mesh"])?;
+        let shape = match self.meshes.get(&i) {
+            Some(known) => known.clone(),
+            None => {
+                let read = self.mesh(i, mesh)?.map(Arc::new);
+                self.meshes.insert(i, read.clone());
+                read
+            }
+        };
+        let Some(shape) = shape else { return Ok(()) };
+        for p in &shape.positions {
+            let p = world.transform_point3(p.as_dvec3()).as_vec3();
+            self.bounds = Some(bare::joined(self.bounds, p, p));
+        }
+        let given = if node["name"].is_string() { &node["name"] } else { &mesh["name"] };
+        let name = self.name(given, "mesh");
+        let frame = glam::Affine3A {
+            matrix3: Mat3A::from(world.matrix3.as_mat3()),
+            translation: Vec3A::from(world.translation.as_vec3()),
+        };
+        self.entities.push(EntityDesc {
+            name,
+            transform: Transform::framed(frame),
+            material: None,
+            anisotropic_direction: None,
+            shape: ShapeDesc::Mesh(shape),
+        });
+        Ok(())
+    }
+
+    /// All primitives of a mesh as one; `None` where none is made of triangles.
+    fn mesh(&mut self, i: usize, mesh: &Json) -> Result<Option<MeshDesc>, SceneError> {
+        let mut out = MeshDesc {
+            file: self.document.path.clone(),
+            positions: Vec::new(),
+            normals: Vec::new(),
+            uvs: Vec::new(),
+            triangles: Vec::new(),
+            slots: Vec::new(),
+            triangle_slot: Vec::new(),
+            content_hash: [0; 32],
+        };
+        for (k, primitive) in list(&mesh["primitives"]).iter().enumerate() {
+            self.primitive(&format!("meshes[{i}].primitives[{k}]"), primitive, &mut out)?;
+        }
+        out.content_hash = mesh_hash(&out);
+        Ok((!out.triangles.is_empty()).then_some(out))
+    }
+
+    fn primitive(&mut self, place: &str, primitive: &Json, out: &mut MeshDesc) -> Result<(), SceneError> {
+        let document = self.document;
+        let mode = primitive["mode"].as_u64().unwrap_or(4);
+        if !(4..=6).contains(&mode) {
+            self.note(place, "points and lines are not surfaces: left out");
+            return Ok(());
+        }
+        if primitive["extensions"]["KHR_draco_mesh_compression"].is_object() {
+            return Err(document.error(place, "meshes compressed with Draco are not read"));
+        }
+        let attributes = &primitive["attributes"];
+        for (key, what) in [("COLOR_0", "colours of vertices"), ("JOINTS_0", "joints")] {
+            if !attributes[key].is_null() {
+                self.note(place, format!("{what} are not read"));
+            }
+        }
+        if primitive["targets"].is_array() {
+            self.note(place, "morph targets are not read");
+        }
+        let (slot, set, uv) = match &primitive["material"] {
+            Json::Null => (DEFAULT_MATERIAL.to_owned(), 0, glam::Affine2::IDENTITY),
+            index => self.rows[&document.named(place, "materials", index)?.0].clone(),
+        };
+        let at = |key: &str| format!("{place}.attributes.{key}");
+        let vectors = |key: &str, n: usize| match &attributes[key] {
+            Json::Null => Ok(Vec::new()),
+            index => document.numbers(&at(key), index, n),
+        };
+        let positions: Vec<Vec3> = vectors("POSITION", 3)?.chunks_exact(3).map(vec3).collect();
+        let normals: Vec<Vec3> = vectors("NORMAL", 3)?.chunks_exact(3).map(vec3).collect();
+        let uvs: Vec<Vec2> = vectors(&format!("TEXCOORD_{set}"), 2)?
+            .chunks_exact(2)
+            .map(|c| uv.transform_point2(Vec2::new(c[0] as f32, c[1] as f32)))
+            .map(|p| Vec2::new(p.x, 1.0 - p.y))
+            .collect();
+        let count = positions.len();
+        if (!normals.is_empty() && normals.len() != count) || (!uvs.is_empty() && uvs.len() != count) {
+            return Err(document.error(place, "its attributes have different numbers of elements"));
+        }
+        let indices: Vec<u32> = match &primitive["indices"] {
+            Json::Null => (0..count as u32).collect(),
+            index => document.numbers(&format!("{place}.indices"), index, 1)?.into_iter().map(|x| x as u32).collect(),
+        };
+        if let Some(i) = indices.iter().find(|i| **i as usize >= count) {
+            return Err(document.error(place, format!("a corner is vertex {i} of {count}")));
+        }
+        let triangles: Vec<[u32; 3]> = match mode {
+            4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+            5 => strip(&indices),
+            _ => indices.windows(2).skip(1).map(|t| [indices[0], t[0], t[1]]).collect(),
+        };
+        append(out, Part { positions, normals, uvs, triangles }, &slot);
+        Ok(())
+    }
+
+    fn camera(&mut self, place: &str, node: &Json, world: DAffine3) -> Result<(), SceneError> {
+        let (i, camera) = self.document.named(place, "cameras", &node["camera"])?;
+        let fov = camera["perspective"]["yfov"].as_f64().map(f64::to_degrees).filter(|d| (0.01..179.0).contains(d));
+        let (Some(fov), None) = (fov, &self.camera) else {
+            self.note(&format!("cameras[{i}]"), "the first perspective camera is used: this one is left out");
+            return Ok(());
+        };
+        let axis = |v: DVec3| world.transform_vector3(v).normalize_or(v).as_vec3();
+        let position = world.translation.as_vec3();
+        self.camera = Some(CameraDesc {
+            position,
+            target: position + axis(DVec3::NEG_Z),
+            up: axis(DVec3::Y),
+            fov_deg: fov as f32,
+            aperture: 0.0,
+            focus_distance: None,
+            optics: Optics::default(),
+        });
+        Ok(())
+    }
+
+    fn light(&mut self, place: &str, index: &Json, world: DAffine3) -> Result<(), SceneError> {
+        let lights = list(&self.document.json["extensions"]["KHR_lights_punctual"]["lights"]);
+        let Some(light) = index.as_u64().and_then(|i| lights.get(i as usize)).cloned() else {
+            return Err(self.document.error(place, format!("there is no light {index:.20}")));
+        };
+        let channel = |i: usize| light["color"][i].as_f64().unwrap_or(1.0);
+        let strength = light["intensity"].as_f64().unwrap_or(1.0);
+        let color = (DVec3::new(channel(0), channel(1), channel(2)) * strength).as_vec3();
+        if !(color.is_finite() && color.min_element() >= 0.0 && color.max_element() <= 1e9) {
+            return Err(self.document.error(place, "a light must shine with 0 to 1e9"));
+        }
+        let kind = match light["type"].as_str() {
+            Some("point") => LightKind::Point { position: world.translation.as_vec3(), intensity: color },
+            Some("directional") => {
+                let direction = world.transform_vector3(DVec3::NEG_Z).normalize_or(DVec3::NEG_Z).as_vec3();
+                LightKind::Directional { direction, irradiance: color }
+            }
+            _ => {
+                self.note(place, "spots are not possible: the light is left out");
+                return Ok(());
+            }
+        };
+        let name = self.name(&light["name"], "light");
+        self.lights.push(LightDesc { name, kind });
+        Ok(())
+    }
+}
+
+fn list(v: &Json) -> Vec<Json> {
+    v.as_array().cloned().unwrap_or_default()
+}
+
+fn vec3(c: &[f64]) -> Vec3 {
+    DVec3::new(c[0], c[1], c[2]).as_vec3()
+}
+
+/// The place of a node around that of its parent.
+fn transform(node: &Json) -> DAffine3 {
+    let number = |v: &Json, i: usize, default: f64| v[i].as_f64().unwrap_or(default);
+    if node["matrix"].is_array() {
+        let unit = DMat4::IDENTITY.to_cols_array();
+        let m = DMat4::from_cols_array(&std::array::from_fn(|i| number(&node["matrix"], i, unit[i])));
+        return DAffine3::from_mat3_translation(DMat3::from_mat4(m), m.w_axis.truncate());
+    }
+    let triple = |key: &str, default: f64| {
+        let v = &node[key];
+        DVec3::new(number(v, 0, default), number(v, 1, default), number(v, 2, default))
+    };
+    let r = &node["rotation"];
+    let rotation = DQuat::from_xyzw(number(r, 0, 0.0), number(r, 1, 0.0), number(r, 2, 0.0), number(r, 3, 1.0));
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    DAffine3::from_scale_rotation_translation(triple("scale", 1.0), rotation, triple("translation", 0.0))
+}
+
+/// Every second triangle of a strip runs the other way round.
+fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
+    let turned = |(i, t): (usize, &[u32])| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+    indices.windows(3).enumerate().map(turned).collect()
+}
+
+/// A part of a mesh with a material of its own.
+struct Part {
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Adds a part; one without normals gets corners of its own with those of its triangles.
+fn append(out: &mut MeshDesc, mut part: Part, slot: &str) {
+    if part.normals.is_empty() {
+        facet(&mut part);
+    }
+    part.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
+    let had_uvs = !out.uvs.is_empty();
+    if had_uvs || !part.uvs.is_empty() {
+        out.uvs.resize(out.positions.len(), Vec2::ZERO);
+        part.uvs.resize(part.positions.len(), Vec2::ZERO);
+    }
+    let base = out.positions.len() as u32;
+    let row = out.slots.iter().position(|s| s == slot).unwrap_or_else(|| {
+        out.slots.push(slot.to_owned());
+        out.slots.len() - 1
+    });
+    out.positions.append(&mut part.positions);
+    out.normals.append(&mut part.normals);
+    out.uvs.append(&mut part.uvs);
+    out.triangle_slot.resize(out.triangle_slot.len() + part.triangles.len(), row as u32);
+    out.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + base)));
+}
+
+/// Gives every triangle corners of its own with its own normal.
+fn facet(part: &mut Part) {
+    let corners: Vec<usize> = part.triangles.iter().flatten().map(|i| *i as usize).collect();
+    let positions: Vec<Vec3> = corners.iter().map(|i| part.positions[*i]).collect();
+    if !part.uvs.is_empty() {
+        part.uvs = corners.iter().map(|i| part.uvs[*i]).collect();
+    }
+    part.normals =
+        positions.chunks_exact(3).flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3]).collect();
+    part.triangles = (0..part.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    part.positions = positions;
+}

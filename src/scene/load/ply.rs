@@ -1,0 +1,274 @@
+//! PLY meshes: ASCII, and binary with either byte order.
+//!
+//! Read are the element `vertex` with `x y z`, normals `nx ny nz`, and texture coordinates (`u v`, `s t`, or
+//! `texture_u texture_v`), and the element `face` with its list of corners; polygons are cut as fans from their first
+//! corner. All other elements and properties are stepped over; colours of vertices are a [`Note`]. The front of a face
+//! with normals is the side to which they point, of one without where its corners run counter-clockwise.
+
+mod source;
+
+use std::path::Path;
+
+use glam::{Vec2, Vec3};
+
+use self::source::{Source, Type};
+use super::{Missing, bare, read};
+use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
+use crate::scene::{Note, SceneError};
+
+/// Greatest size of a PLY file in bytes.
+const MAX_PLY_BYTES: u64 = 1 << 30;
+/// Greatest number of elements and of properties that a header may name: more is no mesh.
+const MAX_NAMES: usize = 256;
+/// Names of vertex properties that are read, in the order of [`Vertex`].
+const PROPERTIES: [&[&str]; 8] =
+    [&["x"], &["y"], &["z"], &["nx"], &["ny"], &["nz"], &["u", "s", "texture_u"], &["v", "t", "texture_v"]];
+
+/// Position, normal, texture coordinates.
+type Vertex = [f32; 8];
+
+/// Whether the first bytes of a file are those of a PLY.
+pub(super) fn sniff(head: &[u8]) -> bool {
+    head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
+}
+
+/// A bare PLY as a scene: white, with a camera that frames it.
+pub(super) fn load(path: &Path, _missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let mut notes = Vec::new();
+    let mesh = load_mesh(path, DEFAULT_MATERIAL, &mut notes)?;
+    Ok((bare::scene(path, mesh, vec![MaterialDesc::new(DEFAULT_MATERIAL)], &mut notes), notes))
+}
+
+/// Reads one mesh of the material `slot`.
+pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Result<MeshDesc, SceneError> {
+    let bytes = read(path, MAX_PLY_BYTES)?;
+    let fail = |(place, problem)| SceneError::Malformed { file: path.to_owned(), place, problem };
+    let (elements, mut source) = header(&bytes).map_err(fail)?;
+    let mut mesh = MeshDesc {
+        file: path.to_owned(),
+        positions: Vec::new(),
+        normals: Vec::new(),
+        uvs: Vec::new(),
+        triangles: Vec::new(),
+        slots: vec![slot.to_owned()],
+        triangle_slot: Vec::new(),
+        content_hash: [0; 32],
+    };
+    let mut note = |message: &str| {
+        let message = message.to_owned();
+        notes.push(Note { file: path.to_owned(), place: "header".to_owned(), message });
+    };
+    for element in &elements {
+        match element.name.as_str() {
+            "vertex" => vertices(element, &mut source, &mut mesh).map_err(fail)?,
+            "face" => faces(element, &mut source, &mut mesh).map_err(fail)?,
+            _ => element.skip(&mut source).map_err(fail)?,
+        }
+        if element.name == "vertex" && element.properties.iter().any(|p| p.name == "red" || p.name == "diffuse_red") {
+            note("the colours of its vertices are not read");
+        }
+    }
+    let count = mesh.positions.len();
+    if let Some(i) = mesh.triangles.as_flattened().iter().find(|i| **i as usize >= count) {
+        return Err(fail(("face".to_owned(), format!("a corner is vertex {i}, counted from 0, of {count}"))));
+    }
+    if mesh.triangles.is_empty() {
+        note("it has no faces");
+    }
+    front(&mut mesh);
+    mesh.triangle_slot = vec![0; mesh.triangles.len()];
+    mesh.content_hash = mesh_hash(&mesh);
+    Ok(mesh)
+}
+
+/// Turns every triangle to the side of its normals; normals without a direction become the triangle's own.
+fn front(mesh: &mut MeshDesc) {
+    if mesh.normals.is_empty() {
+        return;
+    }
+    for t in &mut mesh.triangles {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize].as_dvec3());
+        let winding = (b - a).cross(c - a);
+        let mean: Vec3 = t.iter().map(|i| mesh.normals[*i as usize]).sum();
+        let behind = winding.dot(mean.as_dvec3()) < 0.0;
+        if behind {
+            t.swap(1, 2);
+        }
+        let own = winding.try_normalize().map_or(Vec3::Y, |n| n.as_vec3()) * if behind { -1.0 } else { 1.0 };
+        for i in *t {
+            let n = &mut mesh.normals[i as usize];
+            *n = n.try_normalize().unwrap_or(own);
+        }
+    }
+    // Vertices of no face.
+    mesh.normals.iter_mut().for_each(|n| *n = n.try_normalize().unwrap_or(Vec3::Y));
+}
+
+/// Where it is, and what is wrong.
+type Fault = (String, String);
+
+struct Property {
+    name: String,
+    /// Type of the length where it is a list.
+    length: Option<Type>,
+    ty: Type,
+}
+
+struct Element {
+    name: String,
+    count: usize,
+    properties: Vec<Property>,
+}
+
+impl Element {
+    /// Steps over one property.
+    fn skip_one(property: &Property, source: &mut Source) -> Result<(), String> {
+        let n = match property.length {
+            Some(length) => source.length(length, property.ty)?,
+            None => 1,
+        };
+        for _ in 0..n {
+            source.number(property.ty)?;
+        }
+        Ok(())
+    }
+
+    fn skip(&self, source: &mut Source) -> Result<(), Fault> {
+        for i in 0..self.count {
+            for property in &self.properties {
+                Element::skip_one(property, source).map_err(|e| self.fault(i, source, e))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn fault(&self, i: usize, source: &Source, problem: String) -> Fault {
+        (format!("{} {i} of {}, byte {}", self.name, self.count, source.at()), problem)
+    }
+
+    /// Refuses counts that the rest of the file cannot hold.
+    fn check(&self, source: &Source) -> Result<(), Fault> {
+        let least: usize = self.properties.iter().map(|p| source.least(p.length.unwrap_or(p.ty))).sum();
+        let room = source.rest() / least.max(1) + 1;
+        if self.count > room {
+            let problem = format!("{} are announced, but the file has room for {room} at most", self.count);
+            return Err((format!("element {}", self.name), problem));
+        }
+        Ok(())
+    }
+}
+
+fn vertices(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Result<(), Fault> {
+    element.check(source)?;
+    let slot_of = |p: &Property| PROPERTIES.iter().position(|names| names.contains(&p.name.as_str()));
+    let slots: Vec<Option<usize>> = element.properties.iter().map(slot_of).collect();
+    let has = |range: std::ops::Range<usize>| range.into_iter().all(|i| slots.contains(&Some(i)));
+    if !has(0..3) {
+        return Err(("element vertex".to_owned(), "expected the properties x, y and z".to_owned()));
+    }
+    let (has_normals, has_uvs) = (has(3..6), has(6..8));
+    for i in 0..element.count {
+        let mut vertex: Vertex = [0.0; 8];
+        for (property, slot) in element.properties.iter().zip(&slots) {
+            let done = match (slot, property.length) {
+                (Some(slot), None) => source.number(property.ty).map(|x| vertex[*slot] = x as f32),
+                _ => Element::skip_one(property, source),
+            };
+            done.map_err(|e| element.fault(i, source, e))?;
+        }
+        let [x, y, z, nx, ny, nz, u, v] = vertex;
+        if !vertex.iter().all(|x| x.is_finite()) {
+            return Err(element.fault(i, source, "its numbers must be finite".to_owned()));
+        }
+        mesh.positions.push(Vec3::new(x, y, z));
+        if has_normals {
+            mesh.normals.push(Vec3::new(nx, ny, nz));
+        }
+        if has_uvs {
+            mesh.uvs.push(Vec2::new(u, v));
+        }
+    }
+    Ok(())
+}
+
+fn faces(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Result<(), Fault> {
+    element.check(source)?;
+    let is_corners = |p: &Property| p.length.is_some() && ["vertex_indices", "vertex_index"].contains(&p.name.as_str());
+    let Some(corners) = element.properties.iter().position(is_corners) else {
+        return Err(("element face".to_owned(), "expected a list named vertex_indices".to_owned()));
+    };
+    let mut polygon = Vec::new();
+    for i in 0..element.count {
+        for (k, property) in element.properties.iter().enumerate() {
+            let done = match property.length {
+                Some(length) if k == corners => source.length(length, property.ty).and_then(|n| {
+                    polygon.clear();
+                    (0..n).try_for_each(|_| source.index(property.ty).map(|index| polygon.push(index)))
+                }),
+                _ => Element::skip_one(property, source),
+            };
+            done.map_err(|e| element.fault(i, source, e))?;
+        }
+        let fan = polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]]);
+        mesh.triangles.extend(fan);
+    }
+    Ok(())
+}
+
+/// The elements that the header names, and what follows it.
+fn header(bytes: &[u8]) -> Result<(Vec<Element>, Source<'_>), Fault> {
+    let mut at = 0;
+    let mut number = 0;
+    let mut format = None;
+    let mut elements: Vec<Element> = Vec::new();
+    loop {
+        number += 1;
+        let fail = |problem: &str| Err((format!("line {number}"), problem.to_owned()));
+        let Some(length) = bytes[at..].iter().take(4096).position(|b| *b == b'\n') else {
+            return fail("the header does not end: expected `end_header`");
+        };
+        let Ok(line) = std::str::from_utf8(&bytes[at..at + length]) else { return fail("the header is no text") };
+        at += length + 1;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let many = elements.len() + elements.last().map_or(0, |e| e.properties.len());
+        match words.as_slice() {
+            ["ply"] if number == 1 => {}
+            _ if number == 1 => return fail("expected `ply`"),
+            ["comment" | "obj_info", ..] | [] => {}
+            ["format", name, _] => format = Some((*name).to_owned()),
+            ["element" | "property", ..] if many >= MAX_NAMES => {
+                return fail("it names too many elements or properties");
+            }
+            ["element", name, count] => match count.parse() {
+                Ok(count) => elements.push(Element { name: (*name).to_owned(), count, properties: Vec::new() }),
+                Err(_) => return fail("expected a number of elements"),
+            },
+            ["property", rest @ ..] => {
+                let Some(element) = elements.last_mut() else { return fail("a property before any element") };
+                let (length, ty, name) = match rest {
+                    ["list", length, ty, name] => (Some(Type::named(length)), Type::named(ty), name),
+                    [ty, name] => (None, Type::named(ty), name),
+                    _ => return fail("expected `property TYPE NAME` or `property list TYPE TYPE NAME`"),
+                };
+                match (length, ty) {
+                    (Some(None), _) | (_, None) => return fail("an unknown type"),
+                    (length, Some(ty)) => {
+                        element.properties.push(Property { name: (*name).to_owned(), length: length.flatten(), ty });
+                    }
+                }
+            }
+            ["end_header"] => break,
+            _ => return fail("expected format, element, property, comment or end_header"),
+        }
+    }
+    match format.as_deref().and_then(|name| Source::new(name, bytes, at)) {
+        Some(source) => Ok((elements, source)),
+        None => Err((
+            "header".to_owned(),
+            "expected the format ascii, binary_little_endian or binary_big_endian".to_owned(),
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,67 @@
+//! Microfacets of either distribution, as the models `conductor`, `plastic` and `dielectric` take them.
+
+use glam::Vec3;
+
+use super::beckmann::Beckmann;
+use super::ggx::Ggx;
+use crate::scene::compile::Distribution;
+
+/// Microfacets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Facets {
+    /// Trowbridge and Reitz's distribution.
+    Ggx(Ggx),
+    /// Gaussian slopes.
+    Beckmann(Beckmann),
+}
+
+impl Facets {
+    /// From the parameters `distribution`, `roughness` and `anisotropic`; alpha is the same for both distributions.
+    #[inline]
+    pub fn new(distribution: Distribution, roughness: f32, anisotropic: f32) -> Facets {
+        let ggx = Ggx::new(roughness, anisotropic);
+        match distribution {
+            Distribution::Ggx => Facets::Ggx(ggx),
+            Distribution::Beckmann => Facets::Beckmann(Beckmann { alpha: ggx.alpha }),
+        }
+    }
+
+    /// Density of normals per solid angle and area.
+    #[inline]
+    pub fn d(&self, h: Vec3) -> f32 {
+        match self {
+            Facets::Ggx(f) => f.d(h),
+            Facets::Beckmann(f) => f.d(h),
+        }
+    }
+
+    /// Smith's masking over the cosine.
+    #[inline]
+    pub fn masking_over_cos(&self, w: Vec3) -> f32 {
+        match self {
+            Facets::Ggx(f) => f.masking_over_cos(w),
+            Facets::Beckmann(f) => f.masking_over_cos(w),
+        }
+    }
+
+    /// Density of [`Facets::sample`] over `wo . h`.
+    #[inline]
+    pub fn pdf_over_dot(&self, wo: Vec3, h: Vec3) -> f32 {
+        self.masking_over_cos(wo) * self.d(h)
+    }
+
+    /// A normal that is visible from `wo`.
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        match self {
+            Facets::Ggx(f) => f.sample(wo, u),
+            Facets::Beckmann(f) => f.sample(wo, u),
+        }
+    }
+}
+
+/// The reflection of `o` at `h`.
+#[inline]
+pub fn mirrored(o: Vec3, h: Vec3) -> Vec3 {
+    h * (2.0 * o.dot(h)) - o
+}

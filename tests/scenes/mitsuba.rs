@@ -1,0 +1,246 @@
+//! Scenes of Mitsuba: small ones of our own that use every plugin that is read, and what their parts become.
+
+use glam::Vec3;
+use lumbre::scene::compile;
+use lumbre::scene::desc::{
+    Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, TextureSlot,
+};
+
+use super::{Folder, lines};
+
+/// A scene around some XML.
+fn around(inner: &str) -> String {
+    format!(
+        r#"<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="40"/>
+<transform name="to_world"><lookat origin="0, 1, 5" target="0, 1, 0" up="0, 1, 0"/></transform>
+<film type="hdrfilm"><integer name="width" value="64"/><integer name="height" value="32"/></film></sensor>
+{inner}</scene>"#
+    )
+}
+
+fn read(inner: &str) -> (SceneDesc, String) {
+    let (desc, notes) = Folder::new(&[("a.xml", &around(inner))]).load("a.xml").unwrap_or_else(|e| panic!("{e}"));
+    (desc, lines(&notes))
+}
+
+fn refused(inner: &str) -> String {
+    Folder::new(&[("a.xml", &around(inner))]).load("a.xml").unwrap_err().to_string()
+}
+
+/// The material of one surface.
+fn surface(xml: &str) -> (MaterialDesc, String) {
+    let (desc, notes) = read(&format!("{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"));
+    (desc.materials[desc.material_row("s").unwrap()].clone(), notes)
+}
+
+#[test]
+fn a_camera_has_its_place_and_its_vertical_field_of_view() {
+    let (desc, notes) = read("");
+    assert_eq!(desc.resolution, [64, 32]);
+    assert_eq!(desc.camera.position, Vec3::new(0.0, 1.0, 5.0));
+    assert!((desc.camera.target - desc.camera.position - Vec3::NEG_Z).length() < 1e-6);
+    // tan(fov_y / 2) = tan(20 degrees) / 2 for a picture twice as wide as high.
+    let expected = 2.0 * (20f32.to_radians().tan() / 2.0).atan().to_degrees();
+    assert!((desc.camera.fov_deg - expected).abs() < 1e-4, "{}", desc.camera.fov_deg);
+    assert!(notes.is_empty(), "{notes}");
+    let lens = around("").replace("perspective", "thinlens").replace(
+        "<float name=\"fov\" value=\"40\"/>",
+        "<string name=\"focalLength\" value=\"50mm\"/><float name=\"apertureRadius\" value=\"0.5\"/>\
+         <float name=\"focusDistance\" value=\"3\"/><string name=\"fovAxis\" value=\"x\"/>",
+    );
+    let (desc, _) = Folder::new(&[("a.xml", &lens)]).load("a.xml").unwrap();
+    assert_eq!((desc.camera.aperture, desc.camera.focus_distance), (1.0, Some(3.0)));
+    // The diagonal of 36 x 24 mm at 50 mm, of which the height is 1 / sqrt 5 here.
+    let half = 36f32.hypot(24.0) / 100.0 / 5f32.sqrt();
+    assert!((desc.camera.fov_deg - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
+}
+
+#[test]
+fn transforms_apply_their_steps_one_after_the_other() {
+    let (desc, notes) = read(
+        r#"<shape type="sphere" id="ball"><point name="center" x="1"/><float name="radius" value="2"/>
+<transform name="toWorld"><scale value="3"/><rotate y="1" angle="90"/><translate x="10"/></transform></shape>"#,
+    );
+    assert!(notes.contains("toWorld") || notes.is_empty(), "{notes}");
+    let (scene, _) = compile(&desc).unwrap();
+    // (1, 0, 0) -> (3, 0, 0) -> (0, 0, -3) -> (10, 0, -3).
+    assert!((scene.spheres[0].center - Vec3::new(10.0, 0.0, -3.0)).length() < 1e-4, "{}", scene.spheres[0].center);
+    assert!((scene.spheres[0].radius - 6.0).abs() < 1e-4);
+    let (desc, notes) =
+        read("<shape type=\"sphere\"><transform name=\"to_world\"><scale y=\"2\"/></transform></shape>");
+    assert!(matches!(desc.entities[0].shape, ShapeDesc::Mesh(_)) && notes.contains("becomes a mesh"), "{notes}");
+}
+
+#[test]
+fn surfaces_become_the_models_that_they_are() {
+    let (m, notes) = surface(
+        r##"<bsdf type="twosided" id="s"><bsdf type="diffuse"><rgb name="reflectance" value="#ff8000"/></bsdf></bsdf>"##,
+    );
+    assert_eq!((m.model, m.base_color.x, m.base_color.z), (Model::Lambert, 1.0, 0.0));
+    assert!((m.base_color.y - 0.215_86).abs() < 1e-4 && notes.is_empty(), "{} {notes}", m.base_color);
+    let (m, notes) = surface(
+        r#"<bsdf type="roughconductor" id="s"><string name="material" value="Cu"/><float name="alpha" value="0.25"/>
+<string name="distribution" value="ggx"/><rgb name="specular_reflectance" value="0.3"/></bsdf>"#,
+    );
+    assert_eq!((m.model, m.roughness, m.distribution), (Model::Conductor, 0.5, Distribution::Ggx));
+    assert_eq!((m.eta, m.base_color), (Vec3::new(0.200438, 0.924033, 1.10221), Vec3::splat(0.3)));
+    assert!(notes.contains("both sides"), "{notes}");
+    let (m, _) = surface(r#"<bsdf type="conductor" id="s"/>"#);
+    assert_eq!((m.roughness, m.eta, m.k), (0.0, Vec3::ZERO, Vec3::ONE), "a perfect mirror");
+    let (m, notes) = surface(
+        r#"<bsdf type="roughdielectric" id="s"><float name="intIOR" value="2"/><string name="extIOR" value="water"/></bsdf>"#,
+    );
+    assert_eq!((m.model, m.distribution, m.ior), (Model::Dielectric, Distribution::Beckmann, (2.0 / 1.333) as f32));
+    assert!((m.roughness - 0.1f32.sqrt()).abs() < 1e-6 && notes.is_empty(), "{notes}");
+    assert!(surface(r#"<bsdf type="thindielectric" id="s"/>"#).0.thin);
+    let (m, _) = surface(
+        r#"<bsdf type="roughplastic" id="s"><rgb name="diffuse_reflectance" value="0.1, 0.2, 0.3"/>
+<boolean name="nonlinear" value="true"/><float name="alpha_u" value="0.4"/><float name="alpha_v" value="0.1"/></bsdf>"#,
+    );
+    assert_eq!((m.model, m.nonlinear, m.base_color), (Model::Plastic, true, Vec3::new(0.1, 0.2, 0.3)));
+    assert!((m.roughness - 0.2f32.sqrt()).abs() < 1e-6 && (m.anisotropic - 0.75 / 0.9).abs() < 1e-6);
+    let (m, notes) = surface(
+        r#"<bsdf type="principled" id="s"><rgb name="base_color" value="0.2"/><float name="metallic" value="0.7"/>
+<float name="spec_trans" value="0.25"/><float name="specular" value="0.5"/><float name="sheen" value="2"/></bsdf>"#,
+    );
+    assert_eq!((m.model, m.metallic, m.opacity, m.sheen), (Model::Disney, 0.7, 0.75, 1.0));
+    assert!((m.ior - 1.5).abs() < 1e-6 && notes.contains("`sheen` is 2"), "{} {notes}", m.ior);
+    let (m, _) = surface(
+        r#"<bsdf type="mask" id="s"><float name="opacity" value="0.25"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>"#,
+    );
+    assert!(m.mask_mode == MaskMode::Blend && m.texture(TextureSlot::Mask).is_some());
+    assert_eq!(m.base_color, Vec3::splat(0.5));
+    let (m, notes) = surface(r#"<bsdf type="hair" id="s"><float name="x" value="1"/></bsdf>"#);
+    assert!(m.model == Model::Lambert && notes.contains("`hair` is not known"), "{notes}");
+}
+
+#[test]
+fn lights_shine_as_they_say() {
+    let (desc, notes) = read(
+        r#"<bsdf type="twosided" id="white"><bsdf type="diffuse"><rgb name="reflectance" value="0.8"/></bsdf></bsdf>
+<shape type="rectangle" id="lamp"><ref id="white"/><emitter type="area"><rgb name="radiance" value="1, 2, 3"/></emitter></shape>
+<shape type="rectangle" id="wall"><ref id="white"/></shape>
+<emitter type="constant"><rgb name="radiance" value="0.5"/></emitter>
+<emitter type="point"><point name="position" x="1" y="2" z="3"/><rgb name="intensity" value="4"/></emitter>
+<emitter type="directional" id="sun"><vector name="direction" value="0, -1, 0"/></emitter>
+<emitter type="spot"><float name="cutoff_angle" value="20"/></emitter>"#,
+    );
+    assert_eq!(desc.entities[0].material.as_deref(), Some("lamp_light"));
+    let lamp = &desc.materials[desc.material_row("lamp_light").unwrap()];
+    assert_eq!((lamp.emission, lamp.base_color), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(0.8)));
+    assert_eq!(desc.entities[1].material.as_deref(), Some("white"));
+    assert_eq!(desc.environment.as_ref().unwrap().source, EnvironmentSource::Color(Vec3::splat(0.5)));
+    assert!(matches!(desc.lights[0].kind, LightKind::Point { position, .. } if position == Vec3::new(1.0, 2.0, 3.0)));
+    assert_eq!(desc.lights[1].name, "sun");
+    assert!(notes.contains("the light `spot` is not known"), "{notes}");
+    let (scene, _) = compile(&desc).unwrap();
+    assert_eq!((scene.emitters.len(), scene.triangles.len()), (2, 4));
+    // The rectangle faces +z.
+    let [a, b, c] = scene.triangles[0];
+    assert!((b - a).cross(c - a).z > 0.0);
+}
+
+#[test]
+fn variables_includes_references_and_old_spellings_are_resolved() {
+    let folder = Folder::new(&[
+        (
+            "a.xml",
+            r#"<scene version="0.5.0"><default name="d" value="7"/><default name="depth" value="9"/>
+<integrator type="$kind"><integer name="maxDepth" value="$depth"/></integrator><default name="kind" value="x"/></scene>"#,
+        ),
+        (
+            "b.xml",
+            r#"<scene version="3.0.0"><default name="d" value="7"/><default name="depth" value="9"/><default name="depth" value="3"/>
+<include filename="more/c.xml"/><integrator type="path"><integer name="max_depth" value="$depth"/></integrator>
+<alias id="red" as="rot"/><shape type="cube"><ref id="rot"/></shape></scene>"#,
+        ),
+        ("round.xml", r#"<scene version="3.0.0"><include filename="round.xml"/></scene>"#),
+    ]);
+    let e = folder.load("a.xml").unwrap_err().to_string();
+    assert!(e.contains("a.xml") && e.contains("line 2") && e.contains("$kind"), "{e}");
+    std::fs::create_dir(folder.path("more")).unwrap();
+    folder.write("more/c.xml", r#"<scene version="3.0.0"><bsdf type="diffuse" id="red"/><shape type="obj"><string name="filename" value="q.obj"/></shape></scene>"#);
+    folder.write("more/q.obj", super::QUAD);
+    let (desc, _) = folder.load("b.xml").unwrap();
+    assert_eq!((desc.max_depth, desc.entities.len()), (9, 2));
+    assert_eq!(desc.entities[1].material.as_deref(), Some("red"));
+    assert_eq!(desc.entities[0].name, "q", "found beside the file that names it");
+    assert!(folder.load("round.xml").unwrap_err().to_string().contains("circle"));
+}
+
+#[test]
+fn instances_share_their_meshes() {
+    let (desc, notes) = read(
+        r#"<bsdf type="dielectric" id="g"/>
+<shape type="shapegroup" id="tree"><shape type="cube"><ref id="g"/></shape><shape type="sphere"><ref id="g"/></shape></shape>
+<shape type="instance"><ref id="tree"/><transform name="to_world"><translate x="5"/></transform></shape>
+<shape type="instance"><ref id="tree"/><transform name="to_world"><scale value="2"/></transform></shape>"#,
+    );
+    assert!(notes.is_empty(), "{notes}");
+    assert_eq!(desc.entities.len(), 4);
+    let (scene, _) = compile(&desc).unwrap();
+    assert_eq!((scene.triangles.len(), scene.spheres.len()), (24, 2));
+    assert_eq!((scene.spheres[0].center.x, scene.spheres[1].radius), (5.0, 2.0));
+}
+
+#[test]
+fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
+    // Red on top, green below: a rectangle has the top of a picture where y is least, an OBJ where v is greatest.
+    let folder = Folder::new(&[("q.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")]);
+    let mut image = image::RgbImage::from_pixel(2, 4, image::Rgb([255, 0, 0]));
+    (0..2).for_each(|x| (2..4).for_each(|y| image.put_pixel(x, y, image::Rgb([0, 255, 0]))));
+    image.save(folder.path("t.png")).unwrap();
+    let texture = |more: &str| {
+        format!(
+            r#"<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="t.png"/>{more}</texture></bsdf>"#
+        )
+    };
+    let color_at = |shape: &str, more: &str, corner: usize| {
+        let rest = if shape == "obj" { "<string name=\"filename\" value=\"q.obj\"/>" } else { "" };
+        folder.write("a.xml", around(&format!("<shape type=\"{shape}\">{rest}{}</shape>", texture(more))));
+        let (scene, _) = compile(&folder.load("a.xml").unwrap().0).unwrap();
+        let m = &scene.materials[scene.attributes[0].material as usize];
+        // A little inside the picture, where it does not repeat.
+        let uvs = scene.attributes[0].uvs;
+        let uv = uvs[corner].lerp((uvs[0] + uvs[1] + uvs[2]) / 3.0, 0.3);
+        let c = scene.textures[m.base_color_texture as usize].bilinear(m.tiling.apply(uv));
+        if c.x > c.y { "red" } else { "green" }
+    };
+    assert_eq!((color_at("rectangle", "", 0), color_at("rectangle", "", 2)), ("red", "green"));
+    assert_eq!((color_at("obj", "", 0), color_at("obj", "", 2)), ("green", "red"));
+    // Turned over, by a factor on v alone, and by one on both.
+    let over = "<transform name=\"to_uv\"><scale x=\"1\" y=\"-1\"/><translate y=\"1\"/></transform>";
+    assert_eq!((color_at("rectangle", over, 0), color_at("rectangle", over, 2)), ("green", "red"));
+    let turned = "<transform name=\"to_uv\"><scale x=\"-1\" y=\"-1\"/></transform>";
+    assert_eq!((color_at("rectangle", turned, 0), color_at("rectangle", turned, 2)), ("green", "red"));
+}
+
+#[test]
+fn what_is_not_read_is_noted_and_what_is_wrong_is_refused_with_its_line() {
+    let (_, notes) = read(
+        r#"<shape type="cube"><float name="wobble" value="1"/><medium type="homogeneous" name="interior"/></shape>
+<shape type="hairball"/><integrator type="path"><boolean name="hide_emitters" value="true"/></integrator>"#,
+    );
+    for expected in
+        ["`wobble` of the shape `cube`", "medium `homogeneous`", "shape `hairball`", "hide_emitters", "any length"]
+    {
+        assert!(notes.contains(expected), "{expected}: {notes}");
+    }
+    for (xml, expected) in [
+        ("<shape type=\"cube\"><ref id=\"nobody\"/></shape>", "the id `nobody`"),
+        ("<shape type=\"sphere\"><float name=\"radius\" value=\"-1\"/></shape>", "positive radius"),
+        ("<shape type=\"sphere\"><float name=\"radius\" value=\"x\"/></shape>", "`x` is no number"),
+        ("<shape type=\"sphere\"><string name=\"radius\" value=\"1\"/></shape>", "expected a finite number"),
+        ("<shape type=\"obj\"><string name=\"filename\" value=\"../../etc/none.obj\"/></shape>", "none.obj"),
+        ("<bsdf type=\"conductor\"><string name=\"material\" value=\"Xx\"/></bsdf>", "Ag, Al, Au"),
+        ("<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"0\"/></bsdf>", "int_ior"),
+        ("<bsdf type=\"diffuse\" id=\"a\"/><bsdf type=\"diffuse\" id=\"a\"/>", "two objects"),
+        ("<wobble/>", "`wobble` is no element"),
+        ("<shape type=\"cube\"><transform name=\"to_world\"><matrix value=\"1 2\"/></transform></shape>", "16 numbers"),
+        ("<emitter type=\"point\"><rgb name=\"intensity\" value=\"-1\"/></emitter>", "intensity"),
+        ("<shape type=\"cube\"><emitter type=\"point\"/></shape>", "as `area`"),
+    ] {
+        let e = refused(xml);
+        assert!(e.contains(expected) && e.contains("line 4") && e.contains("a.xml"), "{xml}: {e}");
+    }
+}

@@ -1,0 +1,95 @@
+//! Damaged and hostile scenes in XML: an error that names the file, never a panic or an endless wait.
+
+use lumbre::scene::compile;
+use proptest::prelude::*;
+
+use super::{Folder, QUAD};
+
+const TEXT: &str = r##"<scene version="3.0.0"><default name="spp" value="4"/>
+<integrator type="path"><integer name="max_depth" value="5"/></integrator>
+<sensor type="thinlens"><float name="fov" value="40"/><float name="aperture_radius" value="0.1"/>
+<transform name="to_world"><lookat origin="0, 1, 5" target="0, 1, 0" up="0, 1, 0"/></transform>
+<film type="hdrfilm"><integer name="width" value="64"/><integer name="height" value="32"/></film></sensor>
+<texture type="checkerboard" id="t"><rgb name="color0" value="#ff0010"/><transform name="to_uv"><scale x="2" y="3"/></transform></texture>
+<bsdf type="twosided" id="a"><bsdf type="roughplastic"><ref name="diffuse_reflectance" id="t"/><float name="alpha" value="0.3"/></bsdf></bsdf>
+<bsdf type="mask" id="b"><float name="opacity" value="0.5"/><bsdf type="roughconductor"><string name="material" value="Au"/></bsdf></bsdf>
+<shape type="obj"><string name="filename" value="m.obj"/><ref id="a"/></shape>
+<shape type="sphere"><point name="center" x="1" y="2" z="3"/><ref id="b"/><emitter type="area"><rgb name="radiance" value="1 2 3"/></emitter></shape>
+<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/></shape>
+<emitter type="constant"><spectrum name="radiance" value="400:1, 700:2"/></emitter></scene>"##;
+
+/// Loads and compiles, whatever comes of it; an error must be short and name a file of the folder.
+fn survive(folder: &Folder) -> bool {
+    match folder.load("a.xml") {
+        Ok((desc, _)) => compile(&desc).is_ok(),
+        Err(e) => {
+            let text = e.to_string();
+            assert!((text.contains("a.xml") || text.contains("m.obj")) && text.len() < 2000, "{text}");
+            false
+        }
+    }
+}
+
+#[test]
+fn every_truncation_is_an_error() {
+    let folder = Folder::new(&[("a.xml", TEXT), ("m.obj", QUAD)]);
+    assert!(survive(&folder));
+    for cut in 0..TEXT.len() {
+        folder.write("a.xml", &TEXT[..cut]);
+        assert!(!survive(&folder), "half a document is an error: {cut}");
+    }
+}
+
+#[test]
+fn flipped_bits_and_exchanged_values_are_survived() {
+    let folder = Folder::new(&[("m.obj", QUAD)]);
+    for i in 0..TEXT.len() {
+        let mut bytes = TEXT.as_bytes().to_vec();
+        bytes[i] ^= 1 << (i % 7);
+        folder.write("a.xml", &bytes);
+        survive(&folder);
+    }
+    // Every value in turn becomes something else.
+    let values: Vec<(usize, &str)> = TEXT.match_indices("value=\"").collect();
+    for (at, key) in values {
+        let start = at + key.len();
+        let end = start + TEXT[start..].find('"').unwrap();
+        for other in ["", "x", "-1", "1e300", "nan", "inf", "0", "99999999999", "1,2,3", "$spp", "$$", "true"] {
+            folder.write("a.xml", format!("{}{other}{}", &TEXT[..start], &TEXT[end..]));
+            survive(&folder);
+        }
+    }
+}
+
+#[test]
+fn entities_that_grow_deep_nests_and_circles_are_refused_at_once() {
+    let bomb =
+        "<!DOCTYPE s [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;\">]><scene>&b;</scene>";
+    let deep = format!("{}{}", "<bsdf type=\"twosided\">".repeat(100_000), "</bsdf>".repeat(100_000));
+    let deep_values = format!("<scene version=\"3\">{}", "<transform name=\"x\">".repeat(100_000));
+    let wrapped = format!(
+        "<scene version=\"3.0.0\"><shape type=\"cube\">{}{}</shape></scene>",
+        "<bsdf type=\"mask\">".repeat(20),
+        "</bsdf>".repeat(20)
+    );
+    let circle = "<scene version=\"3.0.0\"><include filename=\"./a.xml\"/></scene>".to_owned();
+    for text in [bomb.to_owned(), deep, deep_values, wrapped, circle] {
+        let folder = Folder::new(&[("a.xml", &text)]);
+        assert!(!survive(&folder), "{}", &text[..60]);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_numbers_of_attributes_are_survived(value in "[-+0-9.eE, :#xnaif]{0,12}", which in 0usize..20) {
+        let places: Vec<(usize, &str)> = TEXT.match_indices("value=\"").collect();
+        let (at, key) = places[which % places.len()];
+        let start = at + key.len();
+        let end = start + TEXT[start..].find('"').unwrap();
+        let folder = Folder::new(&[("m.obj", QUAD)]);
+        folder.write("a.xml", format!("{}{value}{}", &TEXT[..start], &TEXT[end..]));
+        survive(&folder);
+    }
+}
