@@ -23,5 +23,7 @@ layout(set = 0, binding = 11, scalar) readonly buffer LightChoices { LightChoice
 layout(set = 0, binding = 12, scalar) readonly buffer EnvironmentRows { EnvironmentRow environment_rows[]; };
 // Cumulative probabilities of the environment's cells, [row][column].
 layout(set = 0, binding = 13, scalar) readonly buffer EnvironmentCells { float environment_cells[]; };
+// Of every film of layers its place among those on which splats land, or NONE.
+layout(set = 0, binding = 14, scalar) readonly buffer SplatSlots { uint splat_slots[]; };
 
 #endif

@@ -9,6 +9,7 @@ mod common;
 
 mod device {
     pub mod harness;
+    mod images;
     mod parity;
     mod twins;
 }

@@ -158,6 +158,36 @@ struct Job {
     uint environment_texture; // Texture of the environment, or NONE for the same colour from everywhere.
     vec3 environment_radiance; // Colour, or factor on the texture.
     vec2 environment_turn; // Sine and cosine of its rotation about +y.
+    uint film_count; // Films of layers for each pixel.
+    uint light_films; // Those of them that are made of contributions; they stand first.
+    uint splat_films; // Those of them on which splats land.
+    uint layer_depth; // The first film of the layer `depth`, or NONE.
+    uint layer_strategies; // The first film of the layer `strategies`, or NONE.
+    uint layer_bounces; // The film of the layer `bounces`, or NONE.
+    uint layer_rays; // The film of the layer `rays`, or NONE.
+    uint layer_albedo; // The film of the layer `albedo`, or NONE.
+    uint layer_normal; // The film of the layer `normal`, or NONE.
+    uint layer_distance; // The film of the layer `distance`, or NONE.
+};
+
+// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` gathers what rounding took.
+struct Sums {
+    vec3 sum; // Sum.
+    vec3 sum_rest; // What rounding took from it.
+    vec3 sum2; // Sum of squares.
+    vec3 sum2_rest; // What rounding took from it.
+};
+
+// What else a pixel's samples leave.
+struct Invalid {
+    uint count; // How many of its samples and of their splats were refused.
+    uvec2 first; // Low and high word of the index of the first such sample.
+};
+
+// What one dispatch counts.
+struct Counters {
+    uint rays; // Rays, modulo 2^32.
+    uint invalid; // Samples and splats that were refused.
 };
 
 // Which samples a dispatch adds, as push constants.

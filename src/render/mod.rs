@@ -51,6 +51,8 @@ pub struct WaveStats {
     pub samples: u64,
     /// Seconds inside `advance`, monotonic; the only time that counts.
     pub render_s: f64,
+    /// Seconds of them that a device besides the processor worked, by its own clock; 0 without one.
+    pub device_s: f64,
     /// Camera paths traced.
     pub paths: u64,
     /// Rays traced.

@@ -15,7 +15,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("signal_hook", &["cli"]),
     ("tracing_subscriber", &["cli"]),
     ("miette", &["script", "cli"]),
-    ("obvhs", &["render/cpu"]),
+    ("obvhs", &["render/cpu", "render/vulkan"]),
     ("ash", &["render/vulkan"]),
     ("glslang", &["render/vulkan"]),
     ("gpu_allocator", &["render/vulkan"]),

@@ -143,7 +143,7 @@ impl Buffer {
     /// # Errors
     /// When the device fails, or there is no memory for the copy.
     pub fn read<T: Pod>(&self, rows: usize) -> Result<Vec<T>, VulkanError> {
-        let mut readback = Readback::new(&self.device, (rows * size_of::<T>()) as u64)?;
+        let readback = Readback::new(&self.device, (rows * size_of::<T>()) as u64)?;
         readback.fetch(&[self])?;
         Ok(bytemuck::pod_collect_to_vec(&readback.bytes()[..rows * size_of::<T>()]))
     }
@@ -182,30 +182,30 @@ impl Readback {
         Ok(Readback { buffer: Buffer::make(device, "readback", size.max(16), usage, MemoryLocation::GpuToCpu)? })
     }
 
-    /// Copies buffers here, one after the other, as far as there is room.
+    /// Copies buffers here, one after the other, as far as there is room, and waits for it.
     ///
     /// # Errors
     /// When the device fails.
-    pub fn fetch(&mut self, sources: &[&Buffer]) -> Result<(), VulkanError> {
-        let device = Arc::clone(&self.buffer.device);
-        device.run("readback", |commands| {
-            let mut at = 0;
-            for source in sources {
-                let size = source.size.min(self.buffer.size - at);
-                let region = [vk::BufferCopy::default().dst_offset(at).size(size)];
-                // SAFETY: the commands are being recorded, and what is copied lies inside both buffers.
-                unsafe { device.raw.cmd_copy_buffer(commands, source.raw, self.buffer.raw, &region) };
-                at += size;
-            }
-            let barrier = [vk::MemoryBarrier::default()
-                .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-                .dst_access_mask(vk::AccessFlags::HOST_READ)];
-            let (from, to) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
-            // SAFETY: the commands are being recorded.
-            unsafe {
-                device.raw.cmd_pipeline_barrier(commands, from, to, vk::DependencyFlags::empty(), &barrier, &[], &[]);
-            }
-        })
+    pub fn fetch(&self, sources: &[&Buffer]) -> Result<(), VulkanError> {
+        self.buffer.device.run("readback", |commands| self.record(commands, sources))
+    }
+
+    /// Records the same.
+    pub fn record(&self, commands: vk::CommandBuffer, sources: &[&Buffer]) {
+        let device = &self.buffer.device;
+        let mut at = 0;
+        for source in sources {
+            let size = source.size.min(self.buffer.size - at);
+            let region = [vk::BufferCopy::default().dst_offset(at).size(size)];
+            // SAFETY: the commands are being recorded, and what is copied lies inside both buffers.
+            unsafe { device.raw.cmd_copy_buffer(commands, source.raw, self.buffer.raw, &region) };
+            at += size;
+        }
+        device.barrier(
+            commands,
+            (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE),
+            (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ),
+        );
     }
 
     /// What was copied.

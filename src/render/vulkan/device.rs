@@ -3,6 +3,7 @@
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
@@ -218,6 +219,7 @@ pub struct Device {
     queue: vk::Queue,
     pool: vk::CommandPool,
     fence: vk::Fence,
+    queries: vk::QueryPool,
     /// The cache that every pipeline is made with, and written back when the device goes.
     pub pipelines: vk::PipelineCache,
     allocator: ManuallyDrop<Mutex<Allocator>>,
@@ -292,15 +294,17 @@ impl Device {
         let pool_info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(info.queue_family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER | vk::CommandPoolCreateFlags::TRANSIENT);
+        let query_info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
         let stored = cache::load(&info.cache_key);
         let cache_info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
         // SAFETY: the device has just been made and the family is the one of its queue; the structures live long enough.
-        let (queue, pool, fence, pipelines) = unsafe {
+        let (queue, pool, fence, queries, pipelines) = unsafe {
             let queue = raw.get_device_queue(info.queue_family, 0);
             let pool = raw.create_command_pool(&pool_info, None).map_err(call("vkCreateCommandPool"))?;
             let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(call("vkCreateFence"))?;
+            let queries = raw.create_query_pool(&query_info, None).map_err(call("vkCreateQueryPool"))?;
             let pipelines = raw.create_pipeline_cache(&cache_info, None).map_err(call("vkCreatePipelineCache"))?;
-            (queue, pool, fence, pipelines)
+            (queue, pool, fence, queries, pipelines)
         };
         Ok(Arc::new(Device {
             accel: traces.then(|| khr::acceleration_structure::Device::new(&instance.raw, &raw)),
@@ -309,6 +313,7 @@ impl Device {
             queue,
             pool,
             fence,
+            queries,
             pipelines,
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             pass: Mutex::new("open".to_owned()),
@@ -389,6 +394,33 @@ impl Device {
         }
     }
 
+    /// As [`Device::run`]; also returns the seconds that the device worked, by its own clock where it has one.
+    ///
+    /// # Errors
+    /// As [`Device::run`].
+    pub fn timed(&self, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<f64, VulkanError> {
+        let start = Instant::now();
+        if self.info.limits.timestamp_ns == 0.0 {
+            self.run(pass, record)?;
+            return Ok(start.elapsed().as_secs_f64());
+        }
+        // SAFETY: the pool belongs to this device and is reset before it is written; here and below.
+        self.run(pass, |commands| unsafe {
+            self.raw.cmd_reset_query_pool(commands, self.queries, 0, 2);
+            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, self.queries, 0);
+            record(commands);
+            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 1);
+        })?;
+        let mut ticks = [0u64; 2];
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: as above; both queries were written by the commands that are done.
+        unsafe { self.raw.get_query_pool_results(self.queries, 0, &mut ticks, flags) }
+            .map_err(|r| self.failed("vkGetQueryPoolResults", r))?;
+        let seconds = ticks[1].wrapping_sub(ticks[0]) as f64 * self.info.limits.timestamp_ns * 1e-9;
+        // A clock that was set back says nothing.
+        Ok(if seconds <= start.elapsed().as_secs_f64() * 2.0 { seconds } else { start.elapsed().as_secs_f64() })
+    }
+
     /// Records commands, hands them to the queue under the name `pass`, and waits until they are done.
     ///
     /// # Errors
@@ -436,6 +468,7 @@ impl Drop for Device {
             }
             ManuallyDrop::drop(&mut self.allocator);
             self.raw.destroy_pipeline_cache(self.pipelines, None);
+            self.raw.destroy_query_pool(self.queries, None);
             self.raw.destroy_fence(self.fence, None);
             self.raw.destroy_command_pool(self.pool, None);
             self.raw.destroy_device(None);

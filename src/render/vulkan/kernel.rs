@@ -32,8 +32,8 @@ fn head(in_words: usize, out_words: usize) -> String {
     format!(
         "#version 460\n{extension}\n{scene}\n\
          layout(local_size_x = {GROUP}) in;\n\
-         layout(set = 0, binding = 14, scalar) readonly buffer KernelInputs {{ uint kernel_inputs[]; }};\n\
-         layout(set = 0, binding = 15, scalar) writeonly buffer KernelOutputs {{ uint kernel_outputs[]; }};\n\
+         layout(set = 0, binding = 15, scalar) readonly buffer KernelInputs {{ uint kernel_inputs[]; }};\n\
+         layout(set = 0, binding = 16, scalar) writeonly buffer KernelOutputs {{ uint kernel_outputs[]; }};\n\
          layout(push_constant, scalar) uniform KernelPush {{ uint kernel_rows; }};\n\
          uint kernel_in = 0u, kernel_out = 0u;\n\
          uint in_word() {{ return kernel_inputs[gl_GlobalInvocationID.x * {in_words}u + kernel_in++]; }}\n\
@@ -58,7 +58,7 @@ pub fn compile(
     out_words: usize,
 ) -> Result<Vec<u32>, VulkanError> {
     let whole = format!("{}{text}{TAIL}", head(in_words, out_words));
-    Ok(spirv::compile(sources, name, &whole, &[])?)
+    Ok(spirv::compile(sources, name, &whole, &[], &[])?)
 }
 
 /// Runs a compiled kernel over rows of `in_words` words each; every row answers with `out_words` words.

@@ -310,6 +310,54 @@ gpu_structs! {
         environment_radiance: [f32; 3],
         /// Sine and cosine of its rotation about +y.
         environment_turn: [f32; 2],
+        /// Films of layers for each pixel.
+        film_count: u32,
+        /// Those of them that are made of contributions; they stand first.
+        light_films: u32,
+        /// Those of them on which splats land.
+        splat_films: u32,
+        /// The first film of the layer `depth`, or NONE.
+        layer_depth: u32,
+        /// The first film of the layer `strategies`, or NONE.
+        layer_strategies: u32,
+        /// The film of the layer `bounces`, or NONE.
+        layer_bounces: u32,
+        /// The film of the layer `rays`, or NONE.
+        layer_rays: u32,
+        /// The film of the layer `albedo`, or NONE.
+        layer_albedo: u32,
+        /// The film of the layer `normal`, or NONE.
+        layer_normal: u32,
+        /// The film of the layer `distance`, or NONE.
+        layer_distance: u32,
+    }
+
+    /// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` gathers what rounding took.
+    pub struct Sums {
+        /// Sum.
+        sum: [f32; 3],
+        /// What rounding took from it.
+        sum_rest: [f32; 3],
+        /// Sum of squares.
+        sum2: [f32; 3],
+        /// What rounding took from it.
+        sum2_rest: [f32; 3],
+    }
+
+    /// What else a pixel's samples leave.
+    pub struct Invalid {
+        /// How many of its samples and of their splats were refused.
+        count: u32,
+        /// Low and high word of the index of the first such sample.
+        first: [u32; 2],
+    }
+
+    /// What one dispatch counts.
+    pub struct Counters {
+        /// Rays, modulo 2^32.
+        rays: u32,
+        /// Samples and splats that were refused.
+        invalid: u32,
     }
 
     /// Which samples a dispatch adds, as push constants.
@@ -432,7 +480,7 @@ mod tests {
             uses.push_str(&format!("b{i}.rows[0] = b{i}.rows[1];\n"));
         }
         text.push_str(&format!("void main() {{\n{uses}}}\n"));
-        let words = spirv::compile(&Sources::Embedded, "layout.comp", &text, &[]).unwrap();
+        let words = spirv::compile(&Sources::Embedded, "layout.comp", &text, &[], &[]).unwrap();
         let found = offsets(&words);
         for s in STRUCTS {
             for f in s.fields {

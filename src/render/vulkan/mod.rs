@@ -6,12 +6,18 @@
 #![allow(unsafe_code, reason = "Vulkan is a C interface; each block says why it may be called")]
 
 pub mod buffer;
+pub mod bvh;
 mod cache;
 pub mod device;
 pub mod error;
+mod films;
 pub mod instance;
 pub mod kernel;
 pub mod layout;
+mod pace;
 pub mod pipeline;
+pub mod program;
+pub mod renderer;
+mod session;
 pub mod spirv;
 pub mod upload;

@@ -3,7 +3,6 @@
 //!
 //! Names in `#include` lines are paths from the root of the shader folder, wherever they stand.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
@@ -21,7 +20,60 @@ macro_rules! embed {
     };
 }
 
-embed!["gen/layout.glsl", "scene.glsl",];
+embed![
+    "entry/compute.comp",
+    "entry/samples.glsl",
+    "film/film.glsl",
+    "film/layers.glsl",
+    "film/splat.glsl",
+    "film/sums.glsl",
+    "gen/layout.glsl",
+    "math/distribution.glsl",
+    "math/elementary.glsl",
+    "math/frame.glsl",
+    "math/rng.glsl",
+    "math/warp.glsl",
+    "scene.glsl",
+    "trace/bvh.glsl",
+    "trace/intersect.glsl",
+    "transport/bsdf/clearcoat.glsl",
+    "transport/bsdf/dielectric.glsl",
+    "transport/bsdf/diffuse.glsl",
+    "transport/bsdf/disney.glsl",
+    "transport/bsdf/fresnel.glsl",
+    "transport/bsdf/ggx.glsl",
+    "transport/bsdf/ideal.glsl",
+    "transport/bsdf/lambert.glsl",
+    "transport/bsdf/lobe.glsl",
+    "transport/bsdf/mirror.glsl",
+    "transport/bsdf/mod.glsl",
+    "transport/camera/filter.glsl",
+    "transport/camera/lens.glsl",
+    "transport/contribution.glsl",
+    "transport/integrator/bdpt/connect.glsl",
+    "transport/integrator/bdpt/mod.glsl",
+    "transport/integrator/bdpt/subpath.glsl",
+    "transport/integrator/bdpt/weights.glsl",
+    "transport/integrator/bpt.glsl",
+    "transport/integrator/nee.glsl",
+    "transport/integrator/settings.glsl",
+    "transport/light/area.glsl",
+    "transport/light/bounds.glsl",
+    "transport/light/directional.glsl",
+    "transport/light/environment.glsl",
+    "transport/light/mod.glsl",
+    "transport/light/point.glsl",
+    "transport/light/sphere.glsl",
+    "transport/light/types.glsl",
+    "transport/mis.glsl",
+    "transport/mod.glsl",
+    "transport/ray.glsl",
+    "transport/sampler/independent.glsl",
+    "transport/sampler/mod.glsl",
+    "transport/sampler/sobol.glsl",
+    "transport/surface.glsl",
+    "transport/vertex.glsl",
+];
 
 /// Where shaders come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -77,14 +129,24 @@ impl Sources {
         embedded.map(|(_, text)| (*text).to_owned()).ok_or_else(|| ShaderError::Missing(path.to_owned()))
     }
 
+    /// Whether there is a shader of this path.
+    pub fn has(&self, path: &str) -> bool {
+        self.text(path).is_ok()
+    }
+
     /// Compiles a shader; its stage is what its name ends in (`comp`, `rgen`, `rchit`, `rahit`, `rint`, `rmiss`).
     ///
-    /// `defines` are set before its first line.
+    /// `defines` are set before its first line; `generated` are texts that it may include as if they were files.
     ///
     /// # Errors
     /// When a file is missing, cannot be read, or does not compile.
-    pub fn compile(&self, path: &str, defines: &[(&str, String)]) -> Result<Vec<u32>, ShaderError> {
-        compile(self, path, &self.text(path)?, defines)
+    pub fn compile(
+        &self,
+        path: &str,
+        defines: &[(&str, String)],
+        generated: &[(&str, String)],
+    ) -> Result<Vec<u32>, ShaderError> {
+        compile(self, path, &self.text(path)?, defines, generated)
     }
 }
 
@@ -92,7 +154,13 @@ impl Sources {
 ///
 /// # Errors
 /// When an included file is missing or cannot be read, or the text does not compile.
-pub fn compile(sources: &Sources, path: &str, text: &str, defines: &[(&str, String)]) -> Result<Vec<u32>, ShaderError> {
+pub fn compile(
+    sources: &Sources,
+    path: &str,
+    text: &str,
+    defines: &[(&str, String)],
+    generated: &[(&str, String)],
+) -> Result<Vec<u32>, ShaderError> {
     let invalid = |log: String| ShaderError::Invalid { entry: path.to_owned(), log };
     let stage = stage_of(path).ok_or_else(|| invalid("its name says no stage".to_owned()))?;
     let compiler = Compiler::acquire().ok_or_else(|| invalid("the compiler does not start".to_owned()))?;
@@ -106,7 +174,7 @@ pub fn compile(sources: &Sources, path: &str, text: &str, defines: &[(&str, Stri
         return Err(invalid("it is no text".to_owned()));
     }
     let source = ShaderSource::from(text);
-    let mut include = Include { sources, seen: BTreeSet::new(), failed: None };
+    let mut include = Include { sources, generated, failed: None };
     let defines: Vec<(&str, Option<&str>)> =
         defines.iter().map(|(name, value)| (*name, Some(value.as_str()))).collect();
     let compiled = ShaderInput::new(&source, stage, &options, Some(&defines), Some(&mut include))
@@ -147,17 +215,17 @@ fn readable(log: &str, path: &str) -> String {
 /// Answers `#include`.
 struct Include<'a> {
     sources: &'a Sources,
-    seen: BTreeSet<String>,
+    generated: &'a [(&'a str, String)],
     failed: Option<ShaderError>,
 }
 
 impl IncludeHandler for Include<'_> {
     fn include(&mut self, _: IncludeType, header: &str, _: &str, _: usize) -> Option<IncludeResult> {
+        if let Some((_, data)) = self.generated.iter().find(|(name, _)| *name == header) {
+            return Some(IncludeResult { name: header.to_owned(), data: data.clone() });
+        }
         match self.sources.text(header) {
-            Ok(data) => {
-                self.seen.insert(header.to_owned());
-                Some(IncludeResult { name: header.to_owned(), data })
-            }
+            Ok(data) => Some(IncludeResult { name: header.to_owned(), data }),
             Err(error) => {
                 self.failed.get_or_insert(error);
                 None
@@ -168,6 +236,8 @@ impl IncludeHandler for Include<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
 
     const HEAD: &str = "#version 460\n#extension GL_GOOGLE_include_directive : require\n";
@@ -195,24 +265,24 @@ mod tests {
         std::fs::write(dir.path().join("scene.glsl"), "int fine;\nint broken = nothing;\n").unwrap();
         let sources = Sources::Folder(dir.path().to_owned());
         let text = format!("{HEAD}#include \"scene.glsl\"\nvoid main() {{}}\n");
-        let error = compile(&sources, "entry/a.comp", &text, &[]).unwrap_err().to_string();
+        let error = compile(&sources, "entry/a.comp", &text, &[], &[]).unwrap_err().to_string();
         assert!(error.contains("scene.glsl:2") && error.contains("nothing"), "{error}");
         let text = format!("{HEAD}void main() {{ nonsense(); }}\n");
-        let error = compile(&Sources::Embedded, "entry/a.comp", &text, &[]).unwrap_err().to_string();
+        let error = compile(&Sources::Embedded, "entry/a.comp", &text, &[], &[]).unwrap_err().to_string();
         assert!(error.contains("entry/a.comp:3") && error.contains("nonsense"), "{error}");
     }
 
     #[test]
     fn a_header_that_is_not_there_is_named() {
         let text = format!("{HEAD}#include \"transport/nowhere.glsl\"\nvoid main() {{}}\n");
-        let error = compile(&Sources::Embedded, "a.comp", &text, &[]).unwrap_err();
+        let error = compile(&Sources::Embedded, "a.comp", &text, &[], &[]).unwrap_err();
         assert_eq!(error, ShaderError::Missing("transport/nowhere.glsl".to_owned()));
     }
 
     #[test]
     fn defines_reach_the_text() {
         let text = format!("{HEAD}void main() {{ int x = WIDTH; }}\n");
-        assert!(compile(&Sources::Embedded, "a.comp", &text, &[]).is_err());
-        assert!(compile(&Sources::Embedded, "a.comp", &text, &[("WIDTH", "8".to_owned())]).is_ok());
+        assert!(compile(&Sources::Embedded, "a.comp", &text, &[], &[]).is_err());
+        assert!(compile(&Sources::Embedded, "a.comp", &text, &[("WIDTH", "8".to_owned())], &[]).is_ok());
     }
 }

@@ -10,6 +10,7 @@ use super::device::Device;
 use super::error::VulkanError;
 use super::layout::{self, EnvironmentRow, LightChoice};
 use super::pipeline::Bound;
+use crate::film::layer::{Layer, Layout};
 use crate::render;
 use crate::scene::CompiledScene;
 use crate::scene::compile::{self, MaskMode, Model, NONE};
@@ -28,7 +29,7 @@ pub struct SceneBuffers {
 /// What depends on the job too.
 pub struct JobBuffers {
     job: Buffer,
-    others: [Buffer; 3],
+    others: [Buffer; 4],
 }
 
 impl SceneBuffers {
@@ -88,16 +89,22 @@ impl JobBuffers {
     ///
     /// # Errors
     /// When there is no memory for it.
-    pub fn new(device: &Arc<Device>, scene: &CompiledScene, job: &render::Job) -> Result<JobBuffers, VulkanError> {
+    pub fn new(
+        device: &Arc<Device>,
+        scene: &CompiledScene,
+        job: &render::Job,
+        layers: &Layout,
+    ) -> Result<JobBuffers, VulkanError> {
         let plain = vk::BufferUsageFlags::empty();
         let lights = Lights::with_select(scene, Select::of(&job.params));
         let (rows, cells) = environment(&lights);
         Ok(JobBuffers {
-            job: Buffer::with(device, "job", &[constants(scene, job, &lights)], plain)?,
+            job: Buffer::with(device, "job", &[constants(scene, job, &lights, layers)], plain)?,
             others: [
                 Buffer::with(device, "choice of lights", &choices(&lights), plain)?,
                 Buffer::with(device, "rows of the environment", &rows, plain)?,
                 Buffer::with(device, "cells of the environment", &cells, plain)?,
+                Buffer::with(device, "splat films", &slots(layers), plain)?,
             ],
         })
     }
@@ -175,6 +182,12 @@ fn textures(scene: &CompiledScene) -> (Vec<layout::Texture>, Vec<[f32; 3]>) {
     (rows, texels)
 }
 
+/// Of every film its place among those on which splats land, or NONE.
+fn slots(layers: &Layout) -> Vec<u32> {
+    let mut next = 0..;
+    layers.films().iter().map(|film| if film.splats { next.next().unwrap_or(NONE) } else { NONE }).collect()
+}
+
 fn choices(lights: &Lights) -> Vec<LightChoice> {
     let Some(alias) = &lights.choice else { return Vec::new() };
     let pmf = |i: usize| alias.pmf.get(i).copied().unwrap_or(0.0);
@@ -198,7 +211,8 @@ fn environment(lights: &Lights) -> (Vec<EnvironmentRow>, Vec<f32>) {
     (map.grid.marginal.iter().zip(map.row_cos.windows(2)).map(row).collect(), map.grid.conditional.clone())
 }
 
-fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights) -> layout::Job {
+fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: &Layout) -> layout::Job {
+    let first = |place: Option<usize>| place.map_or(NONE, |i| i as u32);
     let camera = Camera::new(&scene.camera, job.resolution, job.filter);
     let settings = Settings::new(&job.params);
     let surroundings = lights.surroundings.as_ref();
@@ -245,5 +259,15 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights) -> layou
         environment_texture: if map.is_some() { scene.textures.len() as u32 } else { NONE },
         environment_radiance: surroundings.map_or([0.0; 3], |s| s.radiance.into()),
         environment_turn: map.map_or([0.0, 1.0], |m| m.turn),
+        film_count: layers.films().len() as u32,
+        light_films: layers.films().iter().filter(|film| film.layer.row().splats).count() as u32,
+        splat_films: layers.films().iter().filter(|film| film.splats).count() as u32,
+        layer_depth: first(layers.depth(1)),
+        layer_strategies: first(layers.strategy(0, 2)),
+        layer_bounces: first(layers.whole(Layer::Bounces)),
+        layer_rays: first(layers.whole(Layer::Rays)),
+        layer_albedo: first(layers.whole(Layer::Albedo)),
+        layer_normal: first(layers.whole(Layer::Normal)),
+        layer_distance: first(layers.whole(Layer::Distance)),
     }
 }
