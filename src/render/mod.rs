@@ -5,6 +5,8 @@
 
 pub mod cpu;
 pub mod mock;
+#[cfg(feature = "vulkan")]
+pub mod vulkan;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
