@@ -1,0 +1,14 @@
+//! Tests that need a Vulkan device; a software driver is enough. Without one each prints `SKIPPED` with the reason and
+//! passes, unless the variable `REQUIRE_DEVICE` is `1`. Any message of the validation layer fails the test after which it
+//! is found.
+#![cfg(feature = "vulkan")]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+#[path = "common/mod.rs"]
+mod common;
+
+mod device {
+    pub mod harness;
+    mod parity;
+    mod twins;
+}
