@@ -21,7 +21,52 @@ macro_rules! embed {
     };
 }
 
-embed!["gen/layout.glsl", "scene.glsl",];
+embed![
+    "gen/layout.glsl",
+    "math/distribution.glsl",
+    "math/elementary.glsl",
+    "math/frame.glsl",
+    "math/rng.glsl",
+    "math/warp.glsl",
+    "scene.glsl",
+    "transport/bsdf/clearcoat.glsl",
+    "transport/bsdf/dielectric.glsl",
+    "transport/bsdf/diffuse.glsl",
+    "transport/bsdf/disney.glsl",
+    "transport/bsdf/fresnel.glsl",
+    "transport/bsdf/ggx.glsl",
+    "transport/bsdf/ideal.glsl",
+    "transport/bsdf/lambert.glsl",
+    "transport/bsdf/lobe.glsl",
+    "transport/bsdf/mirror.glsl",
+    "transport/bsdf/mod.glsl",
+    "transport/camera/filter.glsl",
+    "transport/camera/lens.glsl",
+    "transport/contribution.glsl",
+    "transport/integrator/bdpt/connect.glsl",
+    "transport/integrator/bdpt/mod.glsl",
+    "transport/integrator/bdpt/subpath.glsl",
+    "transport/integrator/bdpt/weights.glsl",
+    "transport/integrator/bpt.glsl",
+    "transport/integrator/nee.glsl",
+    "transport/integrator/settings.glsl",
+    "transport/light/area.glsl",
+    "transport/light/bounds.glsl",
+    "transport/light/directional.glsl",
+    "transport/light/environment.glsl",
+    "transport/light/mod.glsl",
+    "transport/light/point.glsl",
+    "transport/light/sphere.glsl",
+    "transport/light/types.glsl",
+    "transport/mis.glsl",
+    "transport/mod.glsl",
+    "transport/ray.glsl",
+    "transport/sampler/independent.glsl",
+    "transport/sampler/mod.glsl",
+    "transport/sampler/sobol.glsl",
+    "transport/surface.glsl",
+    "transport/vertex.glsl",
+];
 
 /// Where shaders come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
