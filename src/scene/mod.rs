@@ -8,6 +8,7 @@ pub mod compile;
 pub mod desc;
 pub mod edit;
 pub mod load;
+pub mod shape;
 
 use std::path::PathBuf;
 

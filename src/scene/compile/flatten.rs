@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 
 use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, lights, materials, tangents};
 use crate::math::distribution::Alias;
@@ -159,7 +159,7 @@ fn add_mesh(
         Some(name) => vec![names.row(name, &mesh.file, &place); mesh.slots.len()],
         None => mesh.slots.iter().map(|slot| names.row(slot, &mesh.file, &place)).collect(),
     };
-    let linear = linear(entity);
+    let DAffine3 { matrix3: linear, translation: translate } = entity.transform.to_world();
     // det(L) L^-T, which also exists where L flattens the mesh.
     let cofactor = DMat3::from_cols(
         linear.y_axis.cross(linear.z_axis),
@@ -168,7 +168,6 @@ fn add_mesh(
     );
     let mirrors = linear.determinant() < 0.0;
     let to_world_normal = cofactor * if mirrors { -1.0 } else { 1.0 };
-    let translate = entity.transform.translate.as_dvec3();
     let world: Vec<Vec3> = mesh.positions.iter().map(|p| (linear * p.as_dvec3() + translate).as_vec3()).collect();
     if let Some(i) = world.iter().position(|p| !in_range(*p)) {
         return Err(fail(format!("its vertex {i} lies at {}, not within {MAX_COORDINATE:e} of the origin", world[i])));
@@ -210,13 +209,6 @@ fn add_mesh(
         }
     }
     Ok(())
-}
-
-/// S * Rx * Ry * Rz, in double precision so that whole turns and mirrored copies stay exact in `f32`.
-fn linear(entity: &EntityDesc) -> DMat3 {
-    let [x, y, z] = entity.transform.rotate_rad.as_dvec3().to_array();
-    let rotation = DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
-    DMat3::from_diagonal(entity.transform.scale.as_dvec3()) * rotation
 }
 
 fn check_arrays(mesh: &MeshDesc) -> Result<(), String> {
@@ -285,8 +277,12 @@ fn add_sphere(
     names: &mut Names,
 ) -> Result<(), SceneError> {
     let place = format!("entities.{}", entity.name);
-    let center = entity.transform.translate;
     let fail = |problem: String| Err(malformed(Path::new(""), place.clone(), problem));
+    let Some(scale) = entity.transform.sphere_scale() else {
+        return fail("its frame makes it no sphere any more: only even scales are possible".to_owned());
+    };
+    let center = entity.transform.frame.transform_point3(entity.transform.translate);
+    let radius = radius * scale;
     if !(radius > 0.0 && radius <= MAX_COORDINATE) {
         return fail(format!("a sphere needs a positive radius, found {radius}"));
     }
@@ -326,6 +322,8 @@ fn bounds(scene: &CompiledScene) -> [Vec3; 2] {
 
 #[cfg(test)]
 mod tests {
+    use glam::Affine3A;
+
     use super::*;
     use crate::scene::desc::{MaterialDesc, Optics, Transform, mesh_hash};
     use std::sync::Arc;
@@ -393,6 +391,7 @@ mod tests {
             translate: Vec3::ONE,
             rotate_rad: Vec3::from_array(rotate),
             scale: Vec3::from_array(scale),
+            ..Transform::default()
         };
         let half = std::f32::consts::FRAC_PI_2;
         let cases = [
@@ -413,6 +412,20 @@ mod tests {
                 assert!((n - expected).length() < 1e-6, "{transform:?}: normal {n}");
             }
         }
+    }
+
+    #[test]
+    fn a_frame_comes_after_everything_else() {
+        let frame = Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2) * Affine3A::from_scale(Vec3::splat(2.0));
+        let moved = Transform { translate: Vec3::X, ..Transform::framed(frame) };
+        let ball = ShapeDesc::Sphere { radius: 0.5 };
+        let (c, _) = compile(&scene(vec![(triangle(), moved), (ball.clone(), moved)], light())).unwrap();
+        assert!((front(&c, 0) - Vec3::X).length() < 1e-6);
+        assert!((c.triangles[0][0] - Vec3::new(0.0, 0.0, -2.0)).length() < 1e-6, "{}", c.triangles[0][0]);
+        assert!((c.spheres[0].center - Vec3::new(0.0, 0.0, -2.0)).length() < 1e-6 && c.spheres[0].radius == 1.0);
+        let stretched = Transform::framed(Affine3A::from_scale(Vec3::new(1.0, 2.0, 1.0)));
+        let e = compile(&scene(vec![(ball, stretched)], light())).unwrap_err().to_string();
+        assert!(e.contains("no sphere any more"), "{e}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::{
 };
 
 /// Changes whenever the encoding below does, so that hashes of different encodings never meet.
-const SCENE_TAG: &[u8] = b"lumbre scene 2";
+const SCENE_TAG: &[u8] = b"lumbre scene 3";
 const MESH_TAG: &[u8] = b"lumbre mesh 1";
 const TEXTURE_TAG: &[u8] = b"lumbre texture 1";
 
@@ -82,6 +82,7 @@ fn material(h: &mut Hasher, m: &MaterialDesc) {
 fn entity(h: &mut Hasher, desc: &SceneDesc, e: &EntityDesc) {
     let row = |name: &str| desc.material_row(name).unwrap_or(0) as u64;
     vec3(h, e.transform.translate);
+    e.transform.frame.to_cols_array().iter().for_each(|x| float(h, *x));
     int(h, u64::from(e.anisotropic_direction.is_some()));
     vec3(h, e.anisotropic_direction.unwrap_or(Vec3::ZERO));
     match &e.shape {

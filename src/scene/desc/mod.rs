@@ -8,7 +8,7 @@ pub mod material;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 
 pub use camera::{CameraDesc, Optics};
 pub use hash::{content_hash, mesh_hash, texture_hash};
@@ -83,7 +83,8 @@ pub struct EntityDesc {
     pub shape: ShapeDesc,
 }
 
-/// Translation, rotation and scale applied as T * S * Rx * Ry * Rz (the order of `.scn`).
+/// A place: `frame` * T * S * Rx * Ry * Rz. Translation, rotation and scale, in the order of `.scn`, are what edits change;
+/// the frame is whatever a format's nodes, groups and matrices put around them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     /// Translation in scene units.
@@ -92,11 +93,40 @@ pub struct Transform {
     pub rotate_rad: Vec3,
     /// Scale along x, y and z, applied after the rotation.
     pub scale: Vec3,
+    /// Applied after all of these.
+    pub frame: Affine3A,
 }
 
 impl Default for Transform {
     fn default() -> Transform {
-        Transform { translate: Vec3::ZERO, rotate_rad: Vec3::ZERO, scale: Vec3::ONE }
+        Transform { translate: Vec3::ZERO, rotate_rad: Vec3::ZERO, scale: Vec3::ONE, frame: Affine3A::IDENTITY }
+    }
+}
+
+impl Transform {
+    /// A place that an affine map says.
+    pub fn framed(frame: Affine3A) -> Transform {
+        Transform { frame, ..Transform::default() }
+    }
+
+    /// From the shape's own space to the world, in double precision so that whole turns and mirrored copies stay exact in
+    /// `f32`.
+    pub fn to_world(&self) -> DAffine3 {
+        let [x, y, z] = self.rotate_rad.as_dvec3().to_array();
+        let rotation = DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
+        let linear = DMat3::from_diagonal(self.scale.as_dvec3()) * rotation;
+        let own = DAffine3::from_mat3_translation(linear, self.translate.as_dvec3());
+        DAffine3::from_mat3_translation(DMat3::from(self.frame.matrix3.as_dmat3()), self.frame.translation.as_dvec3())
+            * own
+    }
+
+    /// By how much the frame scales a sphere, which must stay one; `None` if it would be an ellipsoid.
+    pub fn sphere_scale(&self) -> Option<f32> {
+        let [x, y, z] = self.frame.matrix3.to_cols_array_2d().map(Vec3::from);
+        let scale = x.length();
+        let same = |a: f32| (a - scale).abs() <= 1e-4 * scale;
+        let square = |a: Vec3, b: Vec3| a.dot(b).abs() <= 1e-4 * scale * scale;
+        (same(y.length()) && same(z.length()) && square(x, y) && square(y, z) && square(z, x)).then_some(scale)
     }
 }
 

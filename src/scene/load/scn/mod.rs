@@ -260,6 +260,7 @@ impl Entities {
             translate: object.vec3("position", report)?.unwrap_or(Vec3::ZERO),
             rotate_rad: object.vec3("rotation", report)?.unwrap_or(Vec3::ZERO),
             scale: object.vec3("scale", report)?.unwrap_or(Vec3::ONE),
+            ..Transform::default()
         };
         let material = object.string("material", report)?.map(|(_, name)| name.to_owned());
         let given = object.string("name", report)?.map(|(_, name)| name.to_owned());

@@ -1,0 +1,83 @@
+//! Sheets: grids, height fields and disks, facing +y.
+
+use std::f32::consts::TAU;
+
+use glam::{Vec2, Vec3};
+
+use super::{Shape, ShapeError, at_least, positive, room};
+
+/// A rectangle about the origin in the plane y = 0, `size` long along x and z, of `cells` quads each way. Texture
+/// coordinates run over it once: u along x, v against z.
+///
+/// # Errors
+/// Sizes that are not positive, no cells, too many.
+pub fn grid(size: Vec2, cells: [u32; 2]) -> Result<Shape, ShapeError> {
+    sheet(size, cells, |_, _| 0.0, false)
+}
+
+/// The same with heights: `heights` holds one for each vertex, `cells[0] + 1` to a row along x, rows along z. Smooth.
+///
+/// # Errors
+/// As for [`grid`]; heights that are not finite or of the wrong number.
+pub fn heightfield(size: Vec2, cells: [u32; 2], heights: &[f32]) -> Result<Shape, ShapeError> {
+    let columns = cells[0] as usize + 1;
+    let expected = columns * (cells[1] as usize + 1);
+    if heights.len() != expected {
+        let found = heights.len();
+        return Err(ShapeError(format!("{found} heights for {} x {} cells: expected {expected}", cells[0], cells[1])));
+    }
+    if let Some(i) = heights.iter().position(|h| !h.is_finite()) {
+        return Err(ShapeError(format!("height {} is not finite", i + 1)));
+    }
+    sheet(size, cells, |x, z| heights[z * columns + x], true)
+}
+
+fn sheet(size: Vec2, cells: [u32; 2], height: impl Fn(usize, usize) -> f32, smooth: bool) -> Result<Shape, ShapeError> {
+    positive("its size", &size.to_array())?;
+    at_least("its number of cells", cells[0].min(cells[1]) as usize, 1)?;
+    let [columns, rows] = cells.map(|n| n as usize + 1);
+    room(columns.saturating_mul(rows))?;
+    let mut shape = Shape::default();
+    let part = |i: usize, n: u32| i as f32 / n as f32;
+    for z in 0..rows {
+        for x in 0..columns {
+            let at = Vec2::new(part(x, cells[0]), part(z, cells[1]));
+            let place = (at - 0.5) * size;
+            shape.positions.push(Vec3::new(place.x, height(x, z), place.y));
+            shape.uvs.push(Vec2::new(at.x, 1.0 - at.y));
+        }
+    }
+    if smooth {
+        // Central differences, one-sided at the border.
+        let step = size / Vec2::new(cells[0] as f32, cells[1] as f32);
+        for z in 0..rows {
+            for x in 0..columns {
+                let (left, right) = (x.saturating_sub(1), (x + 1).min(columns - 1));
+                let (back, front) = (z.saturating_sub(1), (z + 1).min(rows - 1));
+                let along_x = (height(right, z) - height(left, z)) / ((right - left) as f32 * step.x);
+                let along_z = (height(x, front) - height(x, back)) / ((front - back) as f32 * step.y);
+                shape.normals.push(Vec3::new(-along_x, 1.0, -along_z).normalize_or(Vec3::Y));
+            }
+        }
+    }
+    shape.lattice(0, columns as u32, rows as u32, true);
+    Ok(shape)
+}
+
+/// A disk about the origin in the plane y = 0. Texture coordinates are those of the square about it.
+///
+/// # Errors
+/// A radius that is not positive, fewer than three segments, too many.
+pub fn disk(radius: f32, segments: u32) -> Result<Shape, ShapeError> {
+    positive("its radius", &[radius])?;
+    at_least("its number of segments", segments as usize, 3)?;
+    room(segments as usize + 1)?;
+    let mut shape = Shape { positions: vec![Vec3::ZERO], uvs: vec![Vec2::splat(0.5)], ..Shape::default() };
+    for i in 0..segments {
+        let (sin, cos) = (TAU * i as f32 / segments as f32).sin_cos();
+        shape.positions.push(Vec3::new(radius * cos, 0.0, radius * sin));
+        shape.uvs.push(Vec2::new(0.5 + 0.5 * cos, 0.5 - 0.5 * sin));
+        shape.triangles.push([0, 1 + (i + 1) % segments, 1 + i]);
+    }
+    Ok(shape)
+}

@@ -1,0 +1,196 @@
+//! Procedural shapes: meshes that are made from a few numbers instead of being read from a file.
+//!
+//! All are in scene units with +y up, counter-clockwise seen from outside, with texture coordinates, and with normals
+//! where they are smooth. Whatever is asked for beyond [`MAX_VERTICES`], or is no surface at all, is a [`ShapeError`].
+
+mod curve;
+mod flat;
+mod outline;
+mod solid;
+
+use std::path::PathBuf;
+
+use glam::{Affine3A, Vec2, Vec3};
+
+pub use curve::{lathe, torus, tube};
+pub use flat::{disk, grid, heightfield};
+pub use outline::extrude;
+pub use solid::{cuboid, icosphere};
+
+use super::desc::{MeshDesc, mesh_hash};
+
+/// The greatest number of vertices of one shape.
+pub const MAX_VERTICES: usize = 1 << 24;
+
+/// Why a shape cannot be made: one sentence without a full stop.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ShapeError(String);
+
+impl ShapeError {
+    fn new(problem: impl Into<String>) -> ShapeError {
+        ShapeError(problem.into())
+    }
+}
+
+/// Triangles with what their corners share. Normals and texture coordinates are one for each position, or none at all.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shape {
+    /// Vertex positions.
+    pub positions: Vec<Vec3>,
+    /// Unit vertex normals, or empty for flat shading.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates.
+    pub uvs: Vec<Vec2>,
+    /// Corners, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Shape {
+    /// Takes a mesh that was made elsewhere.
+    ///
+    /// # Errors
+    /// Lists of unequal length, corners that name no position, coordinates that are not finite, no triangles.
+    pub fn checked(self) -> Result<Shape, ShapeError> {
+        let count = self.positions.len();
+        let fail = |problem: String| Err(ShapeError(problem));
+        if self.triangles.is_empty() {
+            return fail("it has no triangles".to_owned());
+        }
+        room(count)?;
+        room(self.triangles.len())?;
+        for (what, found) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
+            if found != 0 && found != count {
+                return fail(format!("it has {count} positions and {found} {what}"));
+            }
+        }
+        if let Some((i, t)) = self.triangles.iter().enumerate().find(|(_, t)| t.iter().any(|c| *c as usize >= count)) {
+            return fail(format!("triangle {} has the corners {t:?}, counted from 0, of {count} positions", i + 1));
+        }
+        if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
+            return fail(format!("position {} is not finite", i + 1));
+        }
+        if let Some(i) = self.normals.iter().position(|n| !n.is_normalized()) {
+            return fail(format!("normal {} has the length {}, not 1", i + 1, self.normals[i].length()));
+        }
+        match self.uvs.iter().position(|uv| !uv.is_finite()) {
+            Some(i) => fail(format!("texture coordinate {} is not finite", i + 1)),
+            None => Ok(self),
+        }
+    }
+
+    /// The shape moved by an affine map; a map that mirrors turns its triangles round, so that the front stays.
+    ///
+    /// # Errors
+    /// A map that flattens the shape.
+    pub fn transformed(mut self, by: &Affine3A) -> Result<Shape, ShapeError> {
+        let determinant = by.matrix3.determinant();
+        if !determinant.is_finite() || determinant == 0.0 {
+            return Err(ShapeError::new("it is scaled to nothing along some direction"));
+        }
+        let normal = by.matrix3.inverse().transpose();
+        self.positions.iter_mut().for_each(|p| *p = by.transform_point3(*p));
+        self.normals.iter_mut().for_each(|n| *n = (normal * *n).normalize_or(*n));
+        if determinant < 0.0 {
+            self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        Ok(self)
+    }
+
+    /// Adds another shape. Where only one of the two is smooth, the flat one gets the normals of its faces.
+    ///
+    /// # Errors
+    /// More vertices than allowed.
+    pub fn append(&mut self, mut other: Shape) -> Result<(), ShapeError> {
+        room(self.positions.len() + other.positions.len())?;
+        if self.positions.is_empty() {
+            *self = other;
+            return Ok(());
+        }
+        match (self.normals.is_empty(), other.normals.is_empty()) {
+            (true, false) => self.facet(),
+            (false, true) => other.facet(),
+            _ => {}
+        }
+        let pad = |uvs: &mut Vec<Vec2>, count: usize| uvs.resize(count, Vec2::ZERO);
+        if self.uvs.is_empty() != other.uvs.is_empty() {
+            pad(&mut self.uvs, self.positions.len());
+            pad(&mut other.uvs, other.positions.len());
+        }
+        let first = self.positions.len() as u32;
+        self.positions.append(&mut other.positions);
+        self.normals.append(&mut other.normals);
+        self.uvs.append(&mut other.uvs);
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|c| c + first)));
+        Ok(())
+    }
+
+    /// Gives every triangle corners of its own with the normal of its face.
+    fn facet(&mut self) {
+        let corners: Vec<usize> = self.triangles.iter().flatten().map(|c| *c as usize).collect();
+        let positions: Vec<Vec3> = corners.iter().map(|c| self.positions[*c]).collect();
+        self.uvs = if self.uvs.is_empty() { Vec::new() } else { corners.iter().map(|c| self.uvs[*c]).collect() };
+        self.normals = positions
+            .chunks_exact(3)
+            .flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3])
+            .collect();
+        self.triangles = (0..self.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        self.positions = positions;
+    }
+
+    /// The mesh of this shape, all of the one material `slot`.
+    pub fn into_mesh(self, file: PathBuf, slot: &str) -> MeshDesc {
+        let triangle_slot = vec![0; self.triangles.len()];
+        let mut mesh = MeshDesc {
+            file,
+            positions: self.positions,
+            normals: self.normals,
+            uvs: self.uvs,
+            triangles: self.triangles,
+            slots: vec![slot.to_owned()],
+            triangle_slot,
+            content_hash: [0; 32],
+        };
+        mesh.content_hash = mesh_hash(&mesh);
+        mesh
+    }
+
+    /// Adds a grid of vertices, `rows` by `columns` in rows, as quads. With `turned`, the other side is the front.
+    fn lattice(&mut self, first: u32, columns: u32, rows: u32, turned: bool) {
+        for row in 0..rows.saturating_sub(1) {
+            for column in 0..columns.saturating_sub(1) {
+                let a = first + row * columns + column;
+                let (b, c, d) = (a + 1, a + columns + 1, a + columns);
+                let quad = [[a, b, c], [a, c, d]];
+                self.triangles.extend(quad.map(|[p, q, r]| if turned { [p, r, q] } else { [p, q, r] }));
+            }
+        }
+    }
+}
+
+/// Refuses more vertices than allowed.
+fn room(vertices: usize) -> Result<(), ShapeError> {
+    if vertices > MAX_VERTICES {
+        return Err(ShapeError(format!("it would have {vertices} vertices: at most {MAX_VERTICES} are made")));
+    }
+    Ok(())
+}
+
+/// Refuses lengths that are not positive.
+fn positive(what: &str, lengths: &[f32]) -> Result<(), ShapeError> {
+    match lengths.iter().find(|x| !(x.is_finite() && **x > 0.0)) {
+        Some(x) => Err(ShapeError(format!("{what} is {x}: expected a length above 0"))),
+        None => Ok(()),
+    }
+}
+
+/// Refuses too few parts.
+fn at_least(what: &str, found: usize, least: usize) -> Result<(), ShapeError> {
+    if found < least {
+        return Err(ShapeError(format!("{what} is {found}: expected at least {least}")));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
