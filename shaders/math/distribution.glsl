@@ -2,6 +2,8 @@
 #ifndef MATH_DISTRIBUTION_GLSL
 #define MATH_DISTRIBUTION_GLSL
 
+#extension GL_EXT_control_flow_attributes : require
+
 #include "scene.glsl"
 #include "math/elementary.glsl"
 
@@ -28,11 +30,13 @@ float alias_pmf(uint i) {
     return light_choices[i].pmf;
 }
 
-// A point drawn from the grid over the environment's map: column and row, the place inside the cell in [0, 1), and the
-// cell's probability.
+// A point drawn from the grid over the environment's map: column and row, the place inside the cell in [0, 1), what of the
+// cell lies beyond it (one minus the place, with the digits that a division on a device would cost), and the cell's
+// probability.
 struct GridSample {
     uvec2 cell;
     vec2 inside;
+    vec2 beyond;
     float probability;
 };
 
@@ -56,7 +60,7 @@ GridSample grid_sample(uvec2 size, vec2 u) {
     s.probability = 1.0;
     uint row = NONE;
     // Row first, then column: the same search.
-    for (int axis = 1; axis >= 0; --axis) {
+    [[dont_unroll]] for (int axis = 1; axis >= 0; --axis) {
         uint low = 0u, count = size[axis];
         while (count > 0u) {
             uint half_count = count / 2u;
@@ -68,10 +72,14 @@ GridSample grid_sample(uvec2 size, vec2 u) {
             }
         }
         uint i = min(low, size[axis] - 1u);
-        float start = grid_before(row, size.x, i);
-        float width = grid_before(row, size.x, i + 1u) - start;
+        float start = grid_before(row, size.x, i), end = grid_before(row, size.x, i + 1u);
+        float width = end - start;
         s.cell[axis] = i;
-        s.inside[axis] = clamp((u[axis] - start + 0.5 / float(STEPS)) / width, 0.0, 1.0 - F32_EPSILON);
+        // Exact in this order only.
+        precise float behind = u[axis] - start + 0.5 / float(STEPS);
+        precise float ahead = end - u[axis] - 0.5 / float(STEPS);
+        s.inside[axis] = clamp(behind / width, 0.0, 1.0 - F32_EPSILON);
+        s.beyond[axis] = clamp(ahead / width, F32_EPSILON, 1.0);
         s.probability *= width;
         row = i;
     }

@@ -22,10 +22,6 @@ bool is_finite(vec3 v) {
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
-bool is_finite(double x) {
-    return (unpackDouble2x32(x).y & 0x7ff00000u) != 0x7ff00000u;
-}
-
 // `x` with the sign of `from`; the sign of zero counts.
 float copysign(float x, float from) {
     return uintBitsToFloat((floatBitsToUint(x) & 0x7fffffffu) | (floatBitsToUint(from) & 0x80000000u));

@@ -1,19 +1,10 @@
-// Twin of src/transport/mis.rs. A heuristic is one of MIS_POWER, MIS_BALANCE and MIS_UNIFORM.
-//
-// Terms are doubles, as in Rust: squares of densities per area leave the range of floats.
+// Twin of src/transport/mis.rs. A heuristic is one of MIS_POWER, MIS_BALANCE and MIS_UNIFORM. Its `term`, in double
+// precision, is in `transport/integrator/bdpt/weights.glsl`: who includes this alone needs no device that has doubles.
 #ifndef TRANSPORT_MIS_GLSL
 #define TRANSPORT_MIS_GLSL
 
 #include "scene.glsl"
 #include "math/elementary.glsl"
-
-// The term of a density, or of a ratio of densities.
-double heuristic_term(uint h, double p) {
-    if (h == MIS_POWER) {
-        return p * p;
-    }
-    return h == MIS_BALANCE ? p : (p > 0.0lf ? 1.0lf : 0.0lf);
-}
 
 // The weight of a strategy of density `own` beside one other of density `other` in the same measure. A ratio that leaves
 // the range of floats leaves no digit of the weight in Rust either.

@@ -2,6 +2,8 @@
 #ifndef TRANSPORT_CAMERA_FILTER_GLSL
 #define TRANSPORT_CAMERA_FILTER_GLSL
 
+#extension GL_EXT_control_flow_attributes : require
+
 #include "scene.glsl"
 #include "math/elementary.glsl"
 
@@ -32,7 +34,7 @@ float blackman_harris(float u) {
     float target = abs(u - 0.5);
     float low = 0.0, high = 1.0;
     float x = min(0.9 * target, 0.5);
-    for (uint i = 0u; i < 24u; ++i) {
+    [[dont_unroll]] for (uint i = 0u; i < 24u; ++i) {
         vec2 a = sin_cos(PI * x);
         // Sine and cosine of two and three times the angle.
         vec2 b = vec2(2.0 * a.x * a.y, a.y * a.y - a.x * a.x);
@@ -78,6 +80,11 @@ float truncated_normal(float u) {
     return clamp(inverse_normal_cdf(TAIL + u * (1.0 - 2.0 * TAIL)), -SIGMAS, SIGMAS);
 }
 
+// The middle of the 2^-24 wide step that a sample number stands for, kept in front of 1.
+float middle_of_step(float u) {
+    return min(u + 0.5 / 16777216.0, 1.0 - 0.5 * F32_EPSILON);
+}
+
 // One coordinate of the offset from the pixel's centre in pixels.
 float filter_sample_1d(FilterSpec f, float u) {
     switch (f.kind) {
@@ -90,14 +97,14 @@ float filter_sample_1d(FilterSpec f, float u) {
         case FILTER_BLACKMAN_HARRIS:
             return blackman_harris(u) * f.radius;
         default:
-            return clamp(inverse_normal_cdf(u + 0.5 / 16777216.0), -WIDE, WIDE) * 2.0 * f.radius;
+            return clamp(inverse_normal_cdf(middle_of_step(u)), -WIDE, WIDE) * 2.0 * f.radius;
     }
 }
 
 // Offset from the pixel's centre in pixels.
 vec2 filter_sample(FilterSpec f, vec2 u) {
     vec2 offset;
-    for (uint i = 0u; i < 2u; ++i) {
+    [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
         offset[i] = filter_sample_1d(f, u[i]);
     }
     return offset;
@@ -151,8 +158,8 @@ bool filter_choose(FilterSpec f, float q, uint count, float u, out uint chosen, 
     float total = 0.0, rest = 0.0;
     bool found = false;
     // Once for the sum, once to choose.
-    for (uint pass = 0u; pass < 2u; ++pass) {
-        for (uint i = first; i < end; ++i) {
+    [[dont_unroll]] for (uint pass = 0u; pass < 2u; ++pass) {
+        [[dont_unroll]] for (uint i = first; i < end; ++i) {
             float d = filter_density(f, q - float(i) - 0.5);
             if (pass == 0u) {
                 total += d;

@@ -2,6 +2,8 @@
 #ifndef TRANSPORT_CAMERA_LENS_GLSL
 #define TRANSPORT_CAMERA_LENS_GLSL
 
+#extension GL_EXT_control_flow_attributes : require
+
 #include "scene.glsl"
 #include "math/warp.glsl"
 #include "transport/camera/filter.glsl"
@@ -66,7 +68,7 @@ bool camera_meet(vec2 disk, vec3 dir, vec2 filter_u, out CameraConnection c) {
         return false;
     }
     bool found = true;
-    for (uint i = 0u; i < 2u && found; ++i) {
+    [[dont_unroll]] for (uint i = 0u; i < 2u && found; ++i) {
         uint chosen;
         float weight;
         found = filter_choose(camera_filter(), place[i], job.resolution[i], filter_u[i], chosen, weight);

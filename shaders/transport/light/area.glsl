@@ -59,13 +59,14 @@ vec3 area_emission(uint i, vec2 uv) {
     return materials[m].emission * coverage(m, uv) * lookup(materials[m].emission_texture, uv, m);
 }
 
-// Light that arrives at `from` from a point uniform over the area; none behind it. The choice is not included.
+// Light that arrives at `from` from a point uniform over the area, but for its radiance; none behind it. The choice is not
+// included.
 bool area_sample_direct(uint i, vec3 from, vec2 u, out DirectSample s) {
     LightPoint point = area_sample(i, u);
     vec3 to = point.position - from;
     float distance = length(to);
     float pdf_w = area_density(to, distance, point.normal, emitters[i].area);
-    s = DirectSample(to / distance, distance, area_emission(i, point.uv), pdf_w, false, point);
+    s = DirectSample(to / distance, distance, vec3(0.0), pdf_w, false, point);
     return pdf_w > 0.0;
 }
 

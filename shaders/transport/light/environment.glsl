@@ -56,10 +56,14 @@ vec3 environment_sample(vec2 u, out float pdf_w) {
     EnvironmentRow row = environment_rows[s.cell.y];
     pdf_w = s.probability * row.density;
     vec2 phi = sin_cos(TAU * ((float(s.cell.x) + s.inside.x) / float(size.x)));
-    // What the cosine leaves of one, from the pole that the row is nearer to: it keeps its digits where double precision
-    // is needed in Rust.
+    // What the absolute value of the cosine leaves of one, from the row's edge that is nearer to its pole: so it keeps its
+    // digits where Rust takes double precision.
     bool upper_half = row.upper >= 0.0;
-    float rest = row.upper_rest + (upper_half ? -row.step : row.step) * s.inside.y;
+    float edge = row.upper_rest;
+    if (!upper_half) {
+        edge = s.cell.y + 1u < size.y ? environment_rows[s.cell.y + 1u].upper_rest : 0.0;
+    }
+    float rest = edge - row.step * (upper_half ? s.inside.y : s.beyond.y);
     float cos_polar = upper_half ? 1.0 - rest : rest - 1.0;
     float sin_polar = sqrt(max(rest * (2.0 - rest), 0.0));
     float px = sin_polar * phi.x, pz = -sin_polar * phi.y;

@@ -31,17 +31,18 @@ vec3 lights_environment(vec3 dir) {
 bool lights_sample_direct_from(uint light, vec3 from, vec2 u, out DirectSample s) {
     uint kind = light_kind(light);
     if (kind == LIGHT_EMITTER) {
-        if (!area_is_sphere(light)) {
-            return area_sample_direct(light, from, u, s);
+        bool found;
+        if (area_is_sphere(light)) {
+            Sphere ball = area_sphere(light);
+            ConeSample cone;
+            found = sphere_sample(ball, from, u, cone);
+            vec3 position = ball.center + cone.normal * ball.radius;
+            LightPoint point = LightPoint(light, position, cone.normal, sphere_uv(cone.normal));
+            s = DirectSample(cone.wi, distance(position, from), vec3(0.0), cone.pdf_w, false, point);
+        } else {
+            found = area_sample_direct(light, from, u, s);
         }
-        Sphere ball = area_sphere(light);
-        ConeSample cone;
-        bool found = sphere_sample(ball, from, u, cone);
-        vec3 position = ball.center + cone.normal * ball.radius;
-        LightPoint point = LightPoint(light, position, cone.normal, sphere_uv(cone.normal));
-        s = DirectSample(
-            cone.wi, distance(position, from), area_emission(light, point.uv), cone.pdf_w, false, point
-        );
+        s.radiance = area_emission(light, s.point.uv);
         return found;
     }
     if (kind == LIGHT_POINT) {

@@ -92,7 +92,10 @@ impl Program {
         })?;
         let generated = [(
             "generated/integrator.glsl",
-            format!("#include \"{shader}\"\n#define INTEGRATOR_SAMPLE {name}_sample\n"),
+            format!(
+                "#define MAX_DEPTH {}u\n#include \"{shader}\"\n#define INTEGRATOR_SAMPLE {name}_sample\n",
+                job.max_depth.max(1)
+            ),
         )];
         match kind {
             Kind::Compute => {

@@ -146,7 +146,9 @@ bool connect(
         if (s == 1u) {
             bool far = !is_finite(aim.camera.distance);
             float cos_light = far ? 1.0 : dot(aim.point.normal, aim.dir);
-            c.unweighted = lights_emitted(aim.point, aim.dir) * cos_light
+            // What the light sends from this point to the lens is what it sent along the path: from a surface the same in
+            // all directions of its front, from outside the same direction.
+            c.unweighted = paths.start.radiance * cos_light
                 * float(double(aim.camera.importance) / end.start);
             c.others = others_of_seen(h, end, aim.camera.pdf_w);
             if (cos_light <= 0.0) {

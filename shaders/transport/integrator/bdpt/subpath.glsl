@@ -200,7 +200,7 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
     paths.light = 0u;
     paths.started = false;
     paths.escaped = false;
-    for (uint mode = RADIANCE; mode <= IMPORTANCE; ++mode) {
+    [[dont_unroll]] for (uint mode = RADIANCE; mode <= IMPORTANCE; ++mode) {
         Departure d;
         bool camera = mode == RADIANCE;
         if (camera) {

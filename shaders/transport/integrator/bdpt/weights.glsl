@@ -1,4 +1,6 @@
 // Twin of src/transport/integrator/bdpt/weights.rs, which says what the weights are and why they take constant time.
+//
+// Terms are doubles, as in Rust: squares of densities per area leave the range of floats. Devices without doubles cannot.
 #ifndef TRANSPORT_INTEGRATOR_BDPT_WEIGHTS_GLSL
 #define TRANSPORT_INTEGRATOR_BDPT_WEIGHTS_GLSL
 
@@ -7,6 +9,18 @@
 #include "transport/light/mod.glsl"
 #include "transport/mis.glsl"
 #include "transport/vertex.glsl"
+
+bool is_finite(double x) {
+    return (unpackDouble2x32(x).y & 0x7ff00000u) != 0x7ff00000u;
+}
+
+// The term of a density, or of a ratio of densities: `Heuristic::term`.
+double heuristic_term(uint h, double p) {
+    if (h == MIS_POWER) {
+        return p * p;
+    }
+    return h == MIS_BALANCE ? p : (p > 0.0lf ? 1.0lf : 0.0lf);
+}
 
 // What one side of a connection knows of the strategies that split the path further towards that side's end; fields as in
 // Rust. It is also Rust's `Link`, a chain whose next vertex is not found yet.
