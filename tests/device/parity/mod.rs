@@ -151,7 +151,10 @@ fn every_twin_says_what_its_original_says() {
     let mut failed = Vec::new();
     for twin in TWINS {
         let (scene, job) = (twin.scene)();
-        let buffers = (SceneBuffers::new(&device, &scene).unwrap(), JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap());
+        let buffers = (
+            SceneBuffers::new(&device, &scene).unwrap(),
+            JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
+        );
         let inputs = (twin.inputs)();
         assert!(!inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words), "{}: inputs", twin.name);
         let words = [twin.in_words, twin.near.len()];
@@ -190,7 +193,10 @@ fn a_twin_that_is_wrong_is_found() {
     let Some(device) = harness::device() else { return };
     let twin = Twin { text: "void twin() { out_word(in_word() + 1u); }", ..ECHO };
     let (scene, job) = (twin.scene)();
-    let buffers = (SceneBuffers::new(&device, &scene).unwrap(), JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap());
+    let buffers = (
+        SceneBuffers::new(&device, &scene).unwrap(),
+        JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
+    );
     let inputs = (twin.inputs)();
     let wrong = |text: &str| {
         let spirv = kernel::compile(&Sources::Embedded, "echo.comp", text, 1, 1).unwrap();
