@@ -37,18 +37,19 @@ uint layers_share(bool own, uint pixel, Contribution c) {
     if (k < 1u || k > job.max_depth) {
         return 1u;
     }
+    bool strategies = job.layer_strategies != NONE;
+    uint strategy = job.layer_strategies + (k - 1u) * (k + 2u) + 2u * c.s;
+    float luminance = dot(c.value, vec3(0.2126, 0.7152, 0.0722));
     uint refused = 0u;
-    if (job.layer_depth != NONE) {
-        refused += layers_give(own, pixel, job.layer_depth + k - 1u, c.value);
-    }
-    if (job.layer_strategies != NONE) {
-        uint strategy = job.layer_strategies + (k - 1u) * (k + 2u) + 2u * c.s;
-        refused += layers_give(own, pixel, strategy, c.value);
-        refused += layers_give(own, pixel, strategy + 1u, c.unweighted);
-    }
-    if (job.layer_bounces != NONE) {
-        float luminance = dot(c.value, vec3(0.2126, 0.7152, 0.0722));
-        refused += layers_give(own, pixel, job.layer_bounces, vec3(float(k - 1u) * luminance, luminance, 0.0));
+    // One place that gives: compilers copy it, with its atomic operations, wherever it stands.
+    [[dont_unroll]] for (uint i = 0u; i < 4u; i++) {
+        uint film = i == 0u ? (job.layer_depth != NONE ? job.layer_depth + k - 1u : NONE)
+            : i == 3u ? job.layer_bounces : (strategies ? strategy + i - 1u : NONE);
+        vec3 value = i == 2u ? c.unweighted
+            : i == 3u ? vec3(float(k - 1u) * luminance, luminance, 0.0) : c.value;
+        if (film != NONE) {
+            refused += layers_give(own, pixel, film, value);
+        }
     }
     return refused;
 }

@@ -7,6 +7,8 @@
 #ifndef FILM_SPLAT_GLSL
 #define FILM_SPLAT_GLSL
 
+#extension GL_EXT_control_flow_attributes : require
+
 #include "film/sums.glsl"
 
 // The greatest absolute value of one splat: 2^32.
@@ -33,72 +35,60 @@ bool splat_add(uint slot, vec3 value) {
 #else
 layout(set = 0, binding = 18, scalar) buffer Splats { uint splats[]; };
 
-// Adds a number of four words, low word first, to a sum. Returns whether that went past the end.
-bool wide_add(uint first, uvec4 number) {
-    uint carry = 0u;
-    for (uint i = 0u; i < 4u; i++) {
-        uint word = number[i] + carry;
-        carry = word < carry ? 1u : 0u;
-        if (word != 0u) {
-            uint old = atomicAdd(splats[first + i], word);
-            carry += old + word < old ? 1u : 0u;
-        }
+// Word `i` of `mantissa * 2^shift`; what lies below one is cut off.
+uint wide_word(uvec2 mantissa, int shift, int i) {
+    // The word's lowest bit is this bit of the mantissa.
+    int from = 32 * i - shift;
+    if (from <= -32 || from >= 64) {
+        return 0u;
     }
-    return carry != 0u;
+    if (from < 0) {
+        return mantissa.x << -from;
+    }
+    uint part = uint(from) & 31u;
+    uint low = from < 32 ? mantissa.x : mantissa.y;
+    uint high = from < 32 ? mantissa.y : 0u;
+    return part == 0u ? low : (low >> part) | (high << (32u - part));
 }
 
-// `mantissa * 2^shift` in four words; what lies below one is cut off.
-uvec4 wide_shifted(uvec2 mantissa, int shift) {
-    uvec4 number = uvec4(0u);
-    for (int i = 0; i < 4; i++) {
-        // The word's lowest bit is bit `32 i - shift` of the mantissa.
-        int from = 32 * i - shift;
-        if (from <= -32 || from >= 64) {
-            continue;
-        }
-        uint word = 0u;
-        if (from < 0) {
-            word = mantissa.x << -from;
-        } else {
-            uint part = uint(from) & 31u;
-            uint low = from < 32 ? mantissa.x : mantissa.y;
-            uint high = from < 32 ? mantissa.y : 0u;
-            word = part == 0u ? low : (low >> part) | (high << (32u - part));
-        }
-        number[i] = word;
-    }
-    return number;
-}
-
-uvec4 wide_negated(uvec4 number) {
-    uvec4 n = ~number;
-    for (uint i = 0u; i < 4u; i++) {
-        n[i] += 1u;
-        if (n[i] != 0u) {
-            break;
-        }
-    }
-    return n;
-}
-
+// Compilers for processors write a loop for every atomic operation, and much of it: there is one here, in a loop over the
+// 24 words of a slot.
 bool splat_add(uint slot, vec3 value) {
     bool fits = finite(value) && all(lessThanEqual(abs(value), vec3(MAX_SPLAT)));
     if (!fits) {
         return false;
     }
     bool room = true;
-    for (uint c = 0u; c < 3u; c++) {
-        uint bits = floatBitsToUint(value[c]);
-        int exponent = int((bits >> 23) & 0xffu);
-        uint mantissa = (bits & 0x7fffffu) | (exponent == 0 ? 0u : 0x800000u);
-        exponent = max(exponent, 1) - 150;
-        // Units of 2^-64; going past the end is how a negative number is added.
-        uvec4 number = wide_shifted(uvec2(mantissa, 0u), exponent + 64);
-        wide_add(24u * slot + 4u * c, (bits >> 31) != 0u ? wide_negated(number) : number);
-        // Units of 2^-44.
-        uvec2 square;
-        umulExtended(mantissa, mantissa, square.y, square.x);
-        room = !wide_add(24u * slot + 12u + 4u * c, wide_shifted(square, 2 * exponent + 44)) && room;
+    uint carry = 0u;
+    uvec2 mantissa = uvec2(0u);
+    int shift = 0;
+    bool negative = false;
+    [[dont_unroll]] for (uint k = 0u; k < 24u; k++) {
+        uint i = k & 3u;
+        bool square = k >= 12u;
+        if (i == 0u) {
+            uint bits = floatBitsToUint(value[(k >> 2) % 3u]);
+            int exponent = int((bits >> 23) & 0xffu);
+            mantissa = uvec2((bits & 0x7fffffu) | (exponent == 0 ? 0u : 0x800000u), 0u);
+            exponent = max(exponent, 1) - 150;
+            // Units of 2^-64 for sums, of 2^-44 for squares.
+            shift = square ? 2 * exponent + 44 : exponent + 64;
+            negative = !square && (bits >> 31) != 0u;
+            if (square) {
+                umulExtended(mantissa.x, mantissa.x, mantissa.y, mantissa.x);
+            }
+            // Going past the end is how a negative number is added: its complement, and one.
+            carry = negative ? 1u : 0u;
+        }
+        uint digits = wide_word(mantissa, shift, int(i));
+        digits = negative ? ~digits : digits;
+        uint word = digits + carry;
+        carry = word < carry ? 1u : 0u;
+        if (word != 0u) {
+            uint old = atomicAdd(splats[24u * slot + k], word);
+            carry += old + word < old ? 1u : 0u;
+        }
+        room = room && !(square && i == 3u && carry != 0u);
     }
     return room;
 }

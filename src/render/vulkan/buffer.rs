@@ -158,6 +158,9 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: every submission that uses the buffer was waited for.
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
         if let Some(allocation) = self.allocation.take() {

@@ -2,6 +2,7 @@
 
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -16,7 +17,7 @@ use super::instance::{self, Instance};
 pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
 
 /// How long a submission may take before it counts as stuck, in seconds. Dispatches are made to take a tenth of one.
-const PATIENCE_S: u64 = 120;
+const PATIENCE_S: u64 = 300;
 
 /// What a device can do of what the backends ask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub struct Caps {
     pub query: bool,
     /// Atomic addition of floats in buffers.
     pub float_atomics: bool,
+    /// Numbers of double precision in shaders.
+    pub doubles: bool,
 }
 
 /// Limits that are asked for rather than assumed.
@@ -50,8 +53,8 @@ pub struct Limits {
     pub base_alignment: u64,
     /// Alignment of scratch memory of acceleration structures.
     pub scratch_alignment: u64,
-    /// Most workgroups of a dispatch, by axis.
-    pub groups: [u32; 3],
+    /// Most primitives of an acceleration structure.
+    pub primitives: u64,
 }
 
 /// A device as listed.
@@ -145,6 +148,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
     }
     // SAFETY: as above.
     unsafe { raw.get_physical_device_features2(physical, &mut features) };
+    let doubles = features.features.shader_float64 == vk::TRUE;
     let traces = accel.acceleration_structure == vk::TRUE && vulkan12.buffer_device_address == vk::TRUE;
     let caps = Caps {
         scalar_layout: vulkan12.scalar_block_layout == vk::TRUE,
@@ -152,6 +156,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
         pipeline: traces && pipeline.ray_tracing_pipeline == vk::TRUE,
         query: traces && query.ray_query == vk::TRUE,
         float_atomics: atomics.shader_buffer_float32_atomic_add == vk::TRUE,
+        doubles,
     };
     // SAFETY: as above.
     let memory = unsafe { raw.get_physical_device_memory_properties(physical) };
@@ -166,7 +171,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
         handle_alignment: u64::from(pipeline_limits.shader_group_handle_alignment),
         base_alignment: u64::from(pipeline_limits.shader_group_base_alignment),
         scratch_alignment: u64::from(accel_limits.min_acceleration_structure_scratch_offset_alignment).max(1),
-        groups: core.limits.max_compute_work_group_count,
+        primitives: accel_limits.max_primitive_count,
     };
     let text = |c: Result<&CStr, _>| c.map(|c| c.to_string_lossy().into_owned()).unwrap_or_default();
     let uuid: String = core.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
@@ -223,6 +228,8 @@ pub struct Device {
     /// The cache that every pipeline is made with, and written back when the device goes.
     pub pipelines: vk::PipelineCache,
     allocator: ManuallyDrop<Mutex<Allocator>>,
+    /// Set when a pass did not finish: what it may still use must not be destroyed, and is leaked.
+    stuck: AtomicBool,
     /// Held while the queue works, and names the last pass handed to it.
     pass: Mutex<String>,
 }
@@ -263,8 +270,10 @@ impl Device {
         let priorities = [1.0];
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(info.queue_family).queue_priorities(&priorities)];
+        let features = vk::PhysicalDeviceFeatures::default().shader_float64(caps.doubles);
         let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
+            .enabled_features(&features)
             .enabled_extension_names(&names)
             .push_next(&mut vulkan12);
         if traces {
@@ -316,10 +325,16 @@ impl Device {
             queries,
             pipelines,
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
+            stuck: AtomicBool::new(false),
             pass: Mutex::new("open".to_owned()),
             info,
             raw,
         }))
+    }
+
+    /// Whether the device did not finish a pass, so that objects must be leaked rather than destroyed.
+    pub fn is_stuck(&self) -> bool {
+        self.stuck.load(Ordering::Relaxed)
     }
 
     /// An error for a call that failed: a lost device where that is why.
@@ -443,6 +458,7 @@ impl Device {
                 self.raw.queue_submit(self.queue, &submit, self.fence).map_err(fail("vkQueueSubmit"))?;
                 match self.raw.wait_for_fences(&[self.fence], true, PATIENCE_S * 1_000_000_000) {
                     Err(vk::Result::TIMEOUT) => {
+                        self.stuck.store(true, Ordering::Relaxed);
                         Err(VulkanError::Stuck { device: self.info.line(), pass: pass.to_owned(), seconds: PATIENCE_S })
                     }
                     other => other.map_err(fail("vkWaitForFences")),
@@ -459,6 +475,9 @@ impl Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
+        if self.is_stuck() {
+            return;
+        }
         // SAFETY: everything made from the device holds it, so this is the last of all; the queue is idle, since every
         // submission was waited for, or lost.
         unsafe {

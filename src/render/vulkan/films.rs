@@ -9,9 +9,9 @@ use super::device::Device;
 use super::error::VulkanError;
 use super::layout::{Counters, Invalid, Sums};
 use super::pipeline::Bound;
+use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
 use crate::film::splat::{join, squares_of_words, sum_of_words};
-use crate::film::Film;
 
 /// Sums of splats of one film at one pixel: three sums, three sums of squares.
 type Landed = ([f64; 3], [f64; 3]);

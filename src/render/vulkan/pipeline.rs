@@ -8,6 +8,7 @@ use bytemuck::Pod;
 use super::buffer::Buffer;
 use super::device::Device;
 use super::error::VulkanError;
+use super::spirv;
 
 /// What a binding of a descriptor set is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,6 +128,9 @@ impl Bindings {
 
 impl Drop for Bindings {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: every submission that uses the set was waited for.
         unsafe {
             self.device.raw.destroy_descriptor_pool(self.pool, None);
@@ -146,8 +150,12 @@ impl Module {
     /// Hands SPIR-V to the device.
     ///
     /// # Errors
-    /// When the device refuses it.
+    /// When the device lacks something, or refuses it.
     pub fn new(device: &Arc<Device>, words: &[u32]) -> Result<Module, VulkanError> {
+        if spirv::uses_doubles(words) && !device.info.caps.doubles {
+            let needed = "numbers of double precision in shaders (shaderFloat64)".to_owned();
+            return Err(VulkanError::Lacks { device: device.info.line(), needed });
+        }
         let info = vk::ShaderModuleCreateInfo::default().code(words);
         // SAFETY: the words come from the compiler and live through the call.
         let raw = unsafe { device.raw.create_shader_module(&info, None) }
@@ -163,6 +171,9 @@ impl Module {
 
 impl Drop for Module {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: pipelines do not need the module once they are made.
         unsafe { self.device.raw.destroy_shader_module(self.raw, None) };
     }
@@ -217,6 +228,9 @@ impl Compute {
 
 impl Drop for Compute {
     fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
         // SAFETY: every submission that uses the pipeline was waited for.
         unsafe {
             self.device.raw.destroy_pipeline(self.raw, None);

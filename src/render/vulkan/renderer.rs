@@ -82,7 +82,7 @@ impl VulkanRenderer {
         let scene_buffers = session::scene(device, scene)?;
         let job_buffers = JobBuffers::new(device, scene, job, &layout)?;
         let upload_s = start.elapsed().as_secs_f64();
-        let traversal = Traversal::new(device, kind, scene)?;
+        let traversal = Traversal::new(device, kind, scene, &scene_buffers)?;
         let (build_s, nodes) = traversal.built();
         let mut defines = vec![("SAMPLER_KIND", format!("{}u", u32::from(job.sampler.name == "sobol")))];
         if !job.layers.is_empty() {
@@ -165,9 +165,10 @@ impl VulkanRenderer {
 pub fn into_render_error(kind: Kind, error: VulkanError) -> RenderError {
     let (backend, reason) = (kind.backend(), error.to_string());
     match error {
-        VulkanError::NoLoader(_) | VulkanError::NoDevice(_) | VulkanError::Lacks { .. } | VulkanError::TooLarge { .. } => {
-            RenderError::Unsupported { backend, reason }
-        }
+        VulkanError::NoLoader(_)
+        | VulkanError::NoDevice(_)
+        | VulkanError::Lacks { .. }
+        | VulkanError::TooLarge { .. } => RenderError::Unsupported { backend, reason },
         _ => RenderError::Failed { backend, reason },
     }
 }

@@ -10,8 +10,11 @@ use crate::scene::CompiledScene;
 /// The open device. It is kept for the next run, and forgotten once it failed.
 static DEVICE: Mutex<Option<Arc<Device>>> = Mutex::new(None);
 
+/// A scene on a device: which device, the hash of the scene, its buffers.
+type Copied = (Weak<Device>, [u8; 32], Weak<SceneBuffers>);
+
 /// The last scene, as long as a run uses it.
-static SCENE: Mutex<Option<(Weak<Device>, [u8; 32], Weak<SceneBuffers>)>> = Mutex::new(None);
+static SCENE: Mutex<Option<Copied>> = Mutex::new(None);
 
 /// The device that this process renders on.
 ///

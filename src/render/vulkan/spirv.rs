@@ -22,7 +22,14 @@ macro_rules! embed {
 
 embed![
     "entry/compute.comp",
+    "entry/generation.rgen",
+    "entry/mask.rahit",
+    "entry/miss.rmiss",
+    "entry/query.comp",
     "entry/samples.glsl",
+    "entry/sphere.rchit",
+    "entry/sphere.rint",
+    "entry/triangle.rchit",
     "film/film.glsl",
     "film/layers.glsl",
     "film/splat.glsl",
@@ -36,6 +43,9 @@ embed![
     "scene.glsl",
     "trace/bvh.glsl",
     "trace/intersect.glsl",
+    "trace/payload.glsl",
+    "trace/pipeline.glsl",
+    "trace/query.glsl",
     "transport/bsdf/clearcoat.glsl",
     "transport/bsdf/dielectric.glsl",
     "transport/bsdf/diffuse.glsl",
@@ -187,6 +197,20 @@ pub fn compile(
     }
 }
 
+/// Whether compiled words need numbers of double precision: OpCapability Float64.
+pub fn uses_doubles(words: &[u32]) -> bool {
+    let mut rest = words.get(5..).unwrap_or_default();
+    while let [first, second, ..] = rest
+        && first & 0xffff == 17
+    {
+        if *second == 10 {
+            return true;
+        }
+        rest = &rest[2..];
+    }
+    false
+}
+
 fn stage_of(path: &str) -> Option<ShaderStage> {
     match Path::new(path).extension()?.to_str()? {
         "comp" => Some(ShaderStage::Compute),
@@ -277,6 +301,15 @@ mod tests {
         let text = format!("{HEAD}#include \"transport/nowhere.glsl\"\nvoid main() {{}}\n");
         let error = compile(&Sources::Embedded, "a.comp", &text, &[], &[]).unwrap_err();
         assert_eq!(error, ShaderError::Missing("transport/nowhere.glsl".to_owned()));
+    }
+
+    #[test]
+    fn doubles_are_noticed() {
+        let words = |ty: &str| {
+            let text = format!("{HEAD}layout(binding = 0) buffer B {{ {ty} x; }}; void main() {{ x = x * x; }}\n");
+            compile(&Sources::Embedded, "a.comp", &text, &[], &[]).unwrap()
+        };
+        assert!(uses_doubles(&words("double")) && !uses_doubles(&words("float")));
     }
 
     #[test]
