@@ -8,8 +8,10 @@
 mod common;
 
 mod device {
+    mod faults;
     pub mod harness;
     mod images;
+    mod night;
     mod parity;
     mod twins;
 }

@@ -8,8 +8,12 @@ void add_exactly(inout vec3 sum, inout vec3 rest, vec3 value) {
     precise vec3 total = sum + value;
     precise vec3 taken = total - sum;
     precise vec3 lost = (sum - (total - taken)) + (value - taken);
-    sum = total;
-    rest += lost;
+    // What was lost joins the sum as soon as the sum can show it, so that the rest stays below a half of its last place.
+    precise vec3 small = rest + lost;
+    precise vec3 joint = total + small;
+    precise vec3 left = small - (joint - total);
+    sum = joint;
+    rest = left;
 }
 
 void add_sample(inout Sums sums, vec3 value) {

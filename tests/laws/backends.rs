@@ -30,7 +30,6 @@ fn table() -> String {
 }
 
 #[test]
-#[cfg(feature = "vulkan")]
 fn the_table_of_backends_is_what_the_code_says() {
     let page = text("docs/backends.md");
     let (before, rest) = page.split_once(BEGIN).expect("the page has a table");
