@@ -99,7 +99,7 @@ pub const CAMERA: Twin = Twin {
             let pixel = [d.word() % 64, d.word() % 36];
             let point = d.vector(2.0);
             let towards = (point - Vec3::new(0.5, 1.0, 3.0)).normalize_or(Vec3::X);
-            let dir = if i % 3 == 0 { d.direction() } else { towards };
+            let dir = if i.is_multiple_of(3) { d.direction() } else { towards };
             let numbers = [d.unit(), d.unit(), d.unit(), d.unit()];
             pixel.into_iter().for_each(|p| d.put_word(p));
             d.put_word(i);

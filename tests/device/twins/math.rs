@@ -58,7 +58,7 @@ pub const MATH: Twin = Twin {
             };
             let scale = [1e-3, 1.0, 7.0, 300.0][d.word() as usize % 4];
             let (p, n, q) = (d.vector(scale), d.direction(), d.vector(scale));
-            let pair = [d.between(-9.0, 9.0).exp2(), if i % 9 == 0 { 0.0 } else { d.between(-60.0, 60.0).exp2() }];
+            let pair = [d.between(-9.0, 9.0).exp2(), if i.is_multiple_of(9) { 0.0 } else { d.between(-60.0, 60.0).exp2() }];
             d.put(u);
             d.put(p.to_array());
             d.put(n.to_array());
@@ -113,7 +113,7 @@ pub const SAMPLER: Twin = Twin {
     inputs: || {
         Dice::rows(3000, |d, i| {
             SEEDS[i as usize % 3].into_iter().for_each(|w| d.put_word(w));
-            let big = if i % 5 == 0 { 1 << 20 } else { 2000 };
+            let big = if i.is_multiple_of(5) { 1 << 20 } else { 2000 };
             for _ in 0..2 {
                 let w = d.word() % big;
                 d.put_word(w);
