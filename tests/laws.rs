@@ -16,3 +16,5 @@ mod imports;
 mod source;
 #[path = "laws/tables.rs"]
 mod tables;
+#[path = "laws/twins.rs"]
+mod twins;

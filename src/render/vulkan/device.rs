@@ -224,7 +224,8 @@ pub struct Device {
     queue: vk::Queue,
     pool: vk::CommandPool,
     fence: vk::Fence,
-    queries: vk::QueryPool,
+    /// Held from the reset of a query to the reading of its result.
+    queries: Mutex<vk::QueryPool>,
     /// The cache that every pipeline is made with, and written back when the device goes.
     pub pipelines: vk::PipelineCache,
     allocator: ManuallyDrop<Mutex<Allocator>>,
@@ -322,7 +323,7 @@ impl Device {
             queue,
             pool,
             fence,
-            queries,
+            queries: Mutex::new(queries),
             pipelines,
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             stuck: AtomicBool::new(false),
@@ -419,17 +420,18 @@ impl Device {
             self.run(pass, record)?;
             return Ok(start.elapsed().as_secs_f64());
         }
+        let queries = self.queries.lock().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: the pool belongs to this device and is reset before it is written; here and below.
         self.run(pass, |commands| unsafe {
-            self.raw.cmd_reset_query_pool(commands, self.queries, 0, 2);
-            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, self.queries, 0);
+            self.raw.cmd_reset_query_pool(commands, *queries, 0, 2);
+            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, *queries, 0);
             record(commands);
-            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, self.queries, 1);
+            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, *queries, 1);
         })?;
         let mut ticks = [0u64; 2];
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         // SAFETY: as above; both queries were written by the commands that are done.
-        unsafe { self.raw.get_query_pool_results(self.queries, 0, &mut ticks, flags) }
+        unsafe { self.raw.get_query_pool_results(*queries, 0, &mut ticks, flags) }
             .map_err(|r| self.failed("vkGetQueryPoolResults", r))?;
         let seconds = ticks[1].wrapping_sub(ticks[0]) as f64 * self.info.limits.timestamp_ns * 1e-9;
         // A clock that was set back says nothing.
@@ -487,7 +489,7 @@ impl Drop for Device {
             }
             ManuallyDrop::drop(&mut self.allocator);
             self.raw.destroy_pipeline_cache(self.pipelines, None);
-            self.raw.destroy_query_pool(self.queries, None);
+            self.raw.destroy_query_pool(*self.queries.lock().unwrap_or_else(PoisonError::into_inner), None);
             self.raw.destroy_fence(self.fence, None);
             self.raw.destroy_command_pool(self.pool, None);
             self.raw.destroy_device(None);

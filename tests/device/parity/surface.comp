@@ -23,8 +23,6 @@ void twin() {
     out_vec3(s.overhang.present ? s.overhang.crest : vec3(0.0));
     out_vec3(surface_base_color(s));
     out_vec3(surface_emitted(s, -ray.dir));
-    Surface raised;
-    surface_raised(s, raised);
     out_vec3(surface_spawn(s, wi).origin);
     out_float(coverage(s.material, s.uv));
     out_word(is_masked_out(ray, hit) ? 1u : 0u);

@@ -1,7 +1,5 @@
 //! `src/math`, the small functions of `src/transport`, and the samplers.
 
-use std::f32::consts::PI;
-
 use glam::Vec3;
 use lumbre::math::rng::{pcg4d, unit};
 use lumbre::math::{Frame, distribution::Alias, warp};
@@ -93,7 +91,6 @@ pub const MATH: Twin = Twin {
         }
         let (sin, cos) = p.x.sin_cos();
         row.push_floats([sin, cos, p.y.atan2(p.z), n.x.acos()]);
-        debug_assert!(n.x.acos() <= PI);
         row.push_floats([area_factor(p, q, n), h.weight(own, other)]);
     },
     near: &NEAR,

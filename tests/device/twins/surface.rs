@@ -87,7 +87,7 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
     }
     let scene = builder.with(|s| {
         for a in &mut s.attributes {
-            a.normals = a.normals.map(|n| (n + d.vector(0.3)).normalize_or(n));
+            a.normals = a.normals.map(|n| (n + d.vector(0.7)).normalize_or(n));
         }
         s.tangents = (0..TRIANGLES)
             .map(|_| [(); 3].map(|()| d.direction().extend(if d.word().is_multiple_of(2) { 1.0 } else { -1.0 })))
@@ -187,7 +187,7 @@ pub const SURFACE: Twin = Twin {
         ROUGHLY, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
         ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, SAME,
     ],
-    strays: 0.002,
+    strays: 0.0005,
     why: "positions and colours are sums of three products; normals of thin triangles lose digits to cancellation, and a \
           mask or a side may be decided differently by one rounding",
 };
@@ -213,7 +213,7 @@ pub const BSDF: Twin = Twin {
         row.push_floats([bsdf.pdf_w(-ray.dir, wi)]);
     },
     near: &[SAME, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP],
-    strays: 0.002,
+    strays: 0.0005,
     why: "the narrowest lobes turn one rounding of a direction into a thousandth of their density, and at the rim of a \
           surface one rounding decides which side a direction is on",
 };
@@ -241,7 +241,7 @@ pub const BSDF_SAMPLE: Twin = Twin {
         row.push_floats(sample.map_or([0.0; 2], |s| [s.pdf_w, s.eta]));
     },
     near: &[SAME, SAME, DIRECTION, DIRECTION, DIRECTION, WEIGHT, WEIGHT, WEIGHT, WEIGHT, CLOSE],
-    strays: 0.002,
+    strays: 0.0005,
     why: "a direction is the root of what sample numbers leave of one, so a rounding of a number becomes the root of a \
           rounding where the root is near zero; densities of narrow lobes are steep about it",
 };
