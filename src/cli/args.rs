@@ -375,6 +375,15 @@ pub struct BenchArgs {
     /// Measure the given scenes alone: neither the built-in ones nor the program's own overheads
     #[arg(long, requires = "scenes")]
     pub only: bool,
+    /// Measure this backend with every integrator at depth 5 instead; give it again for more, side by side
+    #[arg(long, value_name = "NAME")]
+    pub backend: Vec<String>,
+    /// Width of the pictures with `--backend`
+    #[arg(long, value_name = "PIXELS", default_value_t = 1280, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub width: u32,
+    /// Height of the pictures with `--backend`
+    #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub height: u32,
     /// Repetitions of every measurement; medians are reported, and the spread of the rates
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,

@@ -33,6 +33,7 @@ fn facts(global: &Global) -> Json {
         };
         json!({ "name": row.name, "usable": usable, "answer": answer, "doc": row.doc })
     };
+    let (auto, because) = render::automatic();
     let out = match writable(&global.out) {
         Ok(place) => json!({ "path": shown(&global.out), "writable": true, "answer": place }),
         Err(reason) => json!({ "path": shown(&global.out), "writable": false, "answer": reason }),
@@ -53,7 +54,9 @@ fn facts(global: &Global) -> Json {
         "cores": host.cores,
         "features": cpu_features(),
         "backends": BACKENDS.iter().map(backend).collect::<Vec<_>>(),
-        "auto": render::backend("auto").map(|row| row.name),
+        "auto": auto,
+        "auto_because": because,
+        "devices": devices(),
         "out": out,
         "terminal": {
             "stdout": terminal,
@@ -63,6 +66,15 @@ fn facts(global: &Global) -> Json {
             "environment": set,
         },
     })
+}
+
+/// Every graphics device with what it can do.
+fn devices() -> Json {
+    #[cfg(feature = "vulkan")]
+    let listed = render::vulkan::devices();
+    #[cfg(not(feature = "vulkan"))]
+    let listed: Vec<(String, String)> = Vec::new();
+    listed.into_iter().map(|(name, answer)| json!({ "name": name, "answer": answer })).collect()
 }
 
 /// Whether results can be written, without making the folder; the text is where that was tried, or the reason.
@@ -111,6 +123,13 @@ fn page(facts: &Json) -> String {
         let auto = if backend["name"] == facts["auto"] { " (what auto means here)" } else { "" };
         let name = format!("backend {}", text_of(&backend["name"]));
         lines.push(vec![name, format!("{state}{auto}: {}", text_of(&backend["answer"]))]);
+    }
+    lines.push(vec![
+        "backend auto".to_owned(),
+        format!("{}: {}", text_of(&facts["auto"]), text_of(&facts["auto_because"])),
+    ]);
+    for device in facts["devices"].as_array().into_iter().flatten() {
+        lines.push(vec![text_of(&device["name"]), text_of(&device["answer"])]);
     }
     let out = &facts["out"];
     let state = if out["writable"] == true { "" } else { "problem: " };

@@ -244,15 +244,11 @@ fn say_backends(plan: &Plan) {
         ReferenceSource::File(_) => None,
     });
     let names: BTreeSet<&String> = plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
-    let auto = render::backend("auto").map(|row| row.name);
+    let (auto, because) = render::automatic();
     for name in names {
         let device = render::backend(name).map(|row| (row.probe)());
         let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
-        let why = if auto == Some(name.as_str()) {
-            "; it is the first that works here, which is what auto means"
-        } else {
-            ""
-        };
+        let why = if auto == name.as_str() { format!("; what auto means here: {because}") } else { String::new() };
         talk(&format!("backend {name}: {device}{why}"));
     }
 }

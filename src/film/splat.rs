@@ -111,6 +111,33 @@ impl Splats {
     }
 }
 
+/// The sums and sums of squares of a pixel from those of its splats and those of its own `samples` samples: see
+/// [`Film`](super::Film).
+pub fn join(
+    (landed, squares): ([f64; 3], [f64; 3]),
+    (own, own2): ([f64; 3], [f64; 3]),
+    samples: u64,
+) -> ([f64; 3], [f64; 3]) {
+    let n = samples.max(1) as f64;
+    let sum = [0, 1, 2].map(|c| own[c] + landed[c]);
+    let sum2 = [0, 1, 2].map(|c| own2[c] + squares[c] * (n - 1.0) / n + (sum[c] * sum[c] - own[c] * own[c]) / n);
+    (sum, sum2)
+}
+
+/// The number that a 128-bit sum of splats stands for, low word first.
+pub fn sum_of_words(words: [u32; 4]) -> f64 {
+    wide(words) as i128 as f64 / SUM_SCALE
+}
+
+/// The number that a 128-bit sum of squares of splats stands for, low word first.
+pub fn squares_of_words(words: [u32; 4]) -> f64 {
+    wide(words) as f64 / SQUARE_SCALE
+}
+
+fn wide(words: [u32; 4]) -> u128 {
+    words.into_iter().rev().fold(0, |sum, word| sum << 32 | u128::from(word))
+}
+
 /// Splats and their squares: what joins the sums of a [`Film`](super::Film).
 #[derive(Debug)]
 pub struct SplatSums {
@@ -158,11 +185,7 @@ impl SplatSums {
     /// The sums of a pixel and its sums of squares, of samples and splats together, given those of the `samples`
     /// samples: see [`Film`](super::Film).
     pub fn join(&self, pixel: usize, own: [f64; 3], own2: [f64; 3], samples: u64) -> ([f64; 3], [f64; 3]) {
-        let n = samples.max(1) as f64;
-        let (landed, squares) = (self.sum.sum(pixel), self.sum2.sum_of_squares(pixel));
-        let sum = [0, 1, 2].map(|c| own[c] + landed[c]);
-        let sum2 = [0, 1, 2].map(|c| own2[c] + squares[c] * (n - 1.0) / n + (sum[c] * sum[c] - own[c] * own[c]) / n);
-        (sum, sum2)
+        join((self.sum.sum(pixel), self.sum2.sum_of_squares(pixel)), (own, own2), samples)
     }
 }
 

@@ -46,11 +46,11 @@ fn step_of(u: f32) -> u32 {
 pub struct Alias {
     /// Of every column, how many of its steps mean its own item, and the item that the others mean. Their number is a
     /// power of two, so that all have the same number of steps; what has no item has no steps of its own.
-    columns: Vec<(u32, u32)>,
+    pub(crate) columns: Vec<(u32, u32)>,
     /// Binary logarithm of the number of steps of a column.
-    shift: u32,
+    pub(crate) shift: u32,
     /// Probability of each item.
-    pmf: Vec<f32>,
+    pub(crate) pmf: Vec<f32>,
 }
 
 impl Alias {
@@ -110,11 +110,11 @@ impl Alias {
 /// row and cell of positive weight, so that [`Grid::probability`] says exactly what [`Grid::sample`] does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    width: usize,
+    pub(crate) width: usize,
     /// Cumulative probability after every row.
-    marginal: Vec<f32>,
+    pub(crate) marginal: Vec<f32>,
     /// Cumulative probability after every cell of a row, row by row.
-    conditional: Vec<f32>,
+    pub(crate) conditional: Vec<f32>,
 }
 
 /// A point drawn from a [`Grid`].

@@ -29,6 +29,7 @@ pub const ROW: BackendRow = BackendRow {
     probe: || Ok("a fake clock of 10 million paths per second".into()),
     // It knows neither paths nor surfaces.
     layers: false,
+    refuses: |_| None,
     open: |scene, job| {
         if !job.layers.is_empty() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });

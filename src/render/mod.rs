@@ -5,6 +5,8 @@
 
 pub mod cpu;
 pub mod mock;
+#[cfg(feature = "vulkan")]
+pub mod vulkan;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -50,6 +52,8 @@ pub struct WaveStats {
     pub samples: u64,
     /// Seconds inside `advance`, monotonic; the only time that counts.
     pub render_s: f64,
+    /// Seconds of them that a device besides the processor worked, by its own clock; 0 without one.
+    pub device_s: f64,
     /// Camera paths traced.
     pub paths: u64,
     /// Rays traced.
@@ -150,17 +154,37 @@ pub struct BackendRow {
     pub probe: fn() -> Result<String, String>,
     /// Whether it can fill layers. If not, a plan that asks it for some is refused.
     pub layers: bool,
+    /// Why it cannot carry out an integrator, if it cannot: a plan that asks for it is refused with these words. Must not
+    /// touch a device.
+    pub refuses: fn(&IntegratorRow) -> Option<String>,
     /// Starts a run.
     pub open: OpenFn,
 }
 
-/// Every backend there is. `auto` in a script means the first row whose probe succeeds.
-pub const BACKENDS: &[BackendRow] = &[cpu::ROW, mock::ROW];
+/// Every backend there is.
+pub const BACKENDS: &[BackendRow] = &[
+    cpu::ROW,
+    #[cfg(feature = "vulkan")]
+    vulkan::PIPELINE,
+    #[cfg(feature = "vulkan")]
+    vulkan::QUERY,
+    #[cfg(feature = "vulkan")]
+    vulkan::COMPUTE,
+    mock::ROW,
+];
 
-/// The row that `name` means; `auto` is the first usable one.
+/// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
+/// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.
+pub fn automatic() -> (&'static str, String) {
+    #[cfg(feature = "vulkan")]
+    let found = vulkan::automatic();
+    #[cfg(not(feature = "vulkan"))]
+    let found: Result<(&'static str, String), String> = Err("this program was built without Vulkan".to_owned());
+    found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
+}
+
+/// The row that `name` means; `auto` is that of [`automatic`].
 pub fn backend(name: &str) -> Option<&'static BackendRow> {
-    match name {
-        "auto" => BACKENDS.iter().find(|b| (b.probe)().is_ok()),
-        _ => BACKENDS.iter().find(|b| b.name == name),
-    }
+    let name = if name == "auto" { automatic().0 } else { name };
+    BACKENDS.iter().find(|b| b.name == name)
 }

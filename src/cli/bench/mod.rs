@@ -1,5 +1,6 @@
 //! `lumbre bench`: the program measuring itself. Figures, never pass or fail: machines are shared and noisy.
 
+mod backends;
 mod efficiency;
 mod metrics;
 mod night;
@@ -49,6 +50,9 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     }
     scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
     let repeats = args.repeats as usize;
+    if !args.backend.is_empty() {
+        return compare_backends(args, &scenes, say);
+    }
     let mut rows = Vec::new();
     for (name, file) in &scenes {
         say(&format!("measuring {name}"));
@@ -83,6 +87,26 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         json["share_outside_advance"] = outside.into();
     }
     Ok(Report { json, text })
+}
+
+/// Measures backends side by side instead.
+fn compare_backends(
+    args: &BenchArgs,
+    scenes: &[(String, PathBuf)],
+    say: &mut dyn FnMut(&str),
+) -> Result<Report, String> {
+    let mut rows = Vec::new();
+    for (name, file) in scenes {
+        say(&format!("measuring {name}"));
+        let resolution = [args.width, args.height];
+        rows.extend(backends::measure(name, file, &args.backend, resolution, args.repeats as usize)?);
+    }
+    let json = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "repeats": args.repeats,
+        "backends": rows.iter().map(backends::Row::to_json).collect::<Vec<_>>(),
+    });
+    Ok(Report { text: backends::table(&rows), json })
 }
 
 /// Seconds from starting this program to its end when it has nothing to do.

@@ -153,6 +153,16 @@ pub enum PlanError {
         /// What is wrong, and what to do.
         reason: String,
     },
+    /// What the backend cannot do.
+    #[error("at {point}: backend `{backend}` cannot render this: {reason}")]
+    Refused {
+        /// Where in the sweep.
+        point: String,
+        /// The backend.
+        backend: String,
+        /// What it lacks.
+        reason: String,
+    },
     /// A path length of zero.
     #[error("at {point}: `max_depth` is 0: a path from the camera to a light has at least 1 edge")]
     NoDepth {

@@ -75,6 +75,9 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
+        if let Some(reason) = render::backend(&config.backend).and_then(|backend| (backend.refuses)(row)) {
+            return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
+        }
         Self::films(&config, u64::from(width) * u64::from(height), max_depth)
             .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);

@@ -20,5 +20,6 @@ pub const ROW: BackendRow = BackendRow {
         Ok(format!("{threads} hardware threads"))
     },
     layers: true,
+    refuses: |_| None,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
 };

@@ -208,6 +208,7 @@ impl Renderer for CpuRenderer {
         Ok(WaveStats {
             samples,
             render_s: start.elapsed().as_secs_f64(),
+            device_s: 0.0,
             paths,
             rays: stats.rays,
             invalid: stats.invalid,

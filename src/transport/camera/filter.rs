@@ -78,9 +78,8 @@ impl FilterSpec {
             FilterKind::Tent => u.map(|u| tent(u) * self.radius),
             FilterKind::Gauss => u.map(|u| truncated_normal(u) * self.radius / SIGMAS),
             FilterKind::BlackmanHarris => u.map(|u| blackman_harris(u) * self.radius),
-            // The middle of the 2^-24 wide step that the number stands for, so that 0 is not infinitely far.
             FilterKind::AntialiasingRadius => {
-                u.map(|u| inverse_normal_cdf(u + 0.5 / 16_777_216.0).clamp(-WIDE, WIDE) * 2.0 * self.radius)
+                u.map(|u| inverse_normal_cdf(middle_of_step(u)).clamp(-WIDE, WIDE) * 2.0 * self.radius)
             }
         }
     }
@@ -200,6 +199,12 @@ const TAIL: f32 = 1.349_898e-3;
 fn truncated_normal(u: f32) -> f32 {
     let p = TAIL + u * (1.0 - 2.0 * TAIL);
     inverse_normal_cdf(p).clamp(-SIGMAS, SIGMAS)
+}
+
+/// The middle of the 2^-24 wide step that a sample number stands for, so that 0 is not infinitely far. That of the last
+/// step would be rounded to 1, which is: it stays in front of it.
+fn middle_of_step(u: f32) -> f32 {
+    (u + 0.5 / 16_777_216.0).min(1.0 - 0.5 * f32::EPSILON)
 }
 
 /// The quantile of the standard normal distribution for `p` in (0, 1): the single-precision polynomial for the inverse
@@ -329,6 +334,17 @@ mod tests {
         }
         assert_eq!(FilterSpec::PIXEL.choose(-0.1, 4, 0.5), None);
         assert_eq!(FilterSpec::PIXEL.choose(4.0, 4, 0.5), None);
+    }
+
+    #[test]
+    fn the_first_and_the_last_number_stay_within_reach() {
+        for (kind, name) in FILTERS {
+            let f = FilterSpec { kind, radius: 1.25 };
+            for u in [0.0, 1.0 - 0.5 * f32::EPSILON] {
+                let [x, y] = f.sample([u, u]);
+                assert!(x.abs() <= f.reach() && x == y && (x < 0.0) == (u == 0.0), "{name}: {x}");
+            }
+        }
     }
 
     #[test]

@@ -11,16 +11,16 @@ use crate::transport::sampler::Sampler;
 /// A camera made ready for a resolution and a filter. Row 0 is on top, +x of the picture is to the right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    position: Vec3,
-    right: Vec3,
-    up: Vec3,
-    forward: Vec3,
+    pub(crate) position: Vec3,
+    pub(crate) right: Vec3,
+    pub(crate) up: Vec3,
+    pub(crate) forward: Vec3,
     /// Half extent of the picture at distance 1, horizontally and vertically.
-    half: [f32; 2],
-    resolution: [f32; 2],
-    lens_radius: f32,
-    focus_distance: f32,
-    filter: FilterSpec,
+    pub(crate) half: [f32; 2],
+    pub(crate) resolution: [f32; 2],
+    pub(crate) lens_radius: f32,
+    pub(crate) focus_distance: f32,
+    pub(crate) filter: FilterSpec,
 }
 
 /// A point of the scene joined to a point of the lens: the end of a light path.

@@ -19,6 +19,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     revision: 1,
     doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
     params: Table { name: "BptParams", doc: "Parameters of `bpt`: none.", fields: &[] },
+    splats: false,
     sample,
 };
 

@@ -50,6 +50,8 @@ pub struct IntegratorRow {
     pub doc: &'static str,
     /// Its own parameters in a script's `render` table.
     pub params: Table,
+    /// Whether a sample can bring light to other pixels than its own.
+    pub splats: bool,
     /// One sample of one pixel on the CPU.
     pub sample: SampleFn,
 }

@@ -28,6 +28,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
         doc: "Parameters of `nee`.",
         fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
     },
+    splats: false,
     sample,
 };
 

@@ -13,7 +13,7 @@ const MARGIN: f32 = 1.0 + 1e-5;
 
 /// A ball that holds every surface of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Ball {
+pub(crate) struct Ball {
     pub center: Vec3,
     pub radius: f32,
 }

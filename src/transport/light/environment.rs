@@ -17,22 +17,22 @@ use crate::scene::compile::{Environment, Texture};
 
 /// What surrounds a scene, ready to be looked at and sampled.
 #[derive(Clone, Debug)]
-pub(super) struct Surroundings {
+pub(crate) struct Surroundings {
     /// Constant radiance, or factor on the map.
-    radiance: Vec3,
-    map: Option<Map>,
+    pub(crate) radiance: Vec3,
+    pub(crate) map: Option<Map>,
     /// Luminance integrated over all directions.
     power: f64,
 }
 
 #[derive(Clone, Debug)]
-struct Map {
-    texture: Arc<Texture>,
-    grid: Grid,
+pub(crate) struct Map {
+    pub(crate) texture: Arc<Texture>,
+    pub(crate) grid: Grid,
     /// Cosine of the polar angle at the upper edge of every row, and at the lower edge of the last.
-    row_cos: Vec<f64>,
+    pub(crate) row_cos: Vec<f64>,
     /// Sine and cosine of the rotation.
-    turn: [f32; 2],
+    pub(crate) turn: [f32; 2],
 }
 
 impl Surroundings {

@@ -59,12 +59,12 @@ pub use select::{FIELD as SELECT_FIELD, Select};
 #[derive(Clone, Debug)]
 pub struct Lights {
     /// Over all indices; `None` if nothing shines.
-    choice: Option<Alias>,
+    pub(crate) choice: Option<Alias>,
     ids: Vec<LightId>,
     /// Index of the first light of a kind: points, directions, environment.
-    first: [u32; 3],
-    surroundings: Option<Surroundings>,
-    ball: Ball,
+    pub(crate) first: [u32; 3],
+    pub(crate) surroundings: Option<Surroundings>,
+    pub(crate) ball: Ball,
     total_area: f64,
 }
 

@@ -34,6 +34,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
         doc: "Parameters of `bdpt`.",
         fields: &[mis::FIELD, SELECT_FIELD, settings::STRATEGIES, settings::CONTRIBUTION],
     },
+    splats: true,
     sample,
 };
 

@@ -1,0 +1,12 @@
+// The program of `vulkan-query`: one invocation for each pixel, with ray queries.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+layout(local_size_x = 8, local_size_y = 8) in;
+
+#include "trace/query.glsl"
+#include "entry/samples.glsl"
+
+void main() {
+    render_pixel(gl_GlobalInvocationID.xy);
+}

@@ -1,0 +1,13 @@
+// The nearest hit of a ray is a sphere.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_ray_tracing : require
+
+#include "scene.glsl"
+#include "trace/payload.glsl"
+
+layout(location = 0) rayPayloadInEXT Payload payload;
+
+void main() {
+    payload.hit = Hit(gl_HitTEXT, job.triangle_count + uint(gl_PrimitiveID), vec2(0.0));
+}

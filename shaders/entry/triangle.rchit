@@ -1,0 +1,13 @@
+// The nearest hit of a ray is a triangle.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_ray_tracing : require
+
+#include "trace/payload.glsl"
+
+layout(location = 0) rayPayloadInEXT Payload payload;
+hitAttributeEXT vec2 weights;
+
+void main() {
+    payload.hit = Hit(gl_HitTEXT, uint(gl_PrimitiveID), weights);
+}

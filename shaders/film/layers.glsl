@@ -1,0 +1,127 @@
+// Films of layers: twin of the tally in src/render/cpu/layers.rs. Without LAYERS nothing is left of it.
+#ifndef FILM_LAYERS_GLSL
+#define FILM_LAYERS_GLSL
+
+#ifdef LAYERS
+// Sums, [pixel][film].
+layout(set = 0, binding = 19, scalar) buffer LayerSums { Sums layer_sums[]; };
+// What the sample in progress has brought to each film of its own pixel, [pixel][film]; black between samples.
+layout(set = 0, binding = 20, scalar) buffer LayerValues { vec3 layer_values[]; };
+
+// What the camera ray of the sample met.
+bool first_found;
+Ray first_ray;
+Hit first_hit;
+
+uint layers_row() {
+    return (film_pixel.y * job.resolution.x + film_pixel.x) * job.film_count;
+}
+
+// Gives a value to a film of the sample's own pixel, or of any. Returns how many films refused it.
+uint layers_give(bool own, uint pixel, uint film, vec3 value) {
+    if (value == vec3(0.0)) {
+        return 0u;
+    }
+    if (own) {
+        layer_values[layers_row() + film] += value;
+        return 0u;
+    }
+    uint slot = splat_slots[film];
+    uint pixels = job.resolution.x * job.resolution.y;
+    return slot != NONE && splat_add(pixels + pixel * job.splat_films + slot, value) ? 0u : 1u;
+}
+
+// Shares a contribution among the films. Returns how many refused it: one if its path is longer than paths may be.
+uint layers_share(bool own, uint pixel, Contribution c) {
+    uint k = contribution_depth(c);
+    if (k < 1u || k > job.max_depth) {
+        return 1u;
+    }
+    bool strategies = job.layer_strategies != NONE;
+    uint strategy = job.layer_strategies + (k - 1u) * (k + 2u) + 2u * c.s;
+    float luminance = dot(c.value, vec3(0.2126, 0.7152, 0.0722));
+    uint refused = 0u;
+    // One place that gives: compilers copy it, with its atomic operations, wherever it stands.
+    [[dont_unroll]] for (uint i = 0u; i < 4u; i++) {
+        uint film = i == 0u ? (job.layer_depth != NONE ? job.layer_depth + k - 1u : NONE)
+            : i == 3u ? job.layer_bounces : (strategies ? strategy + i - 1u : NONE);
+        vec3 value = i == 2u ? c.unweighted
+            : i == 3u ? vec3(float(k - 1u) * luminance, luminance, 0.0) : c.value;
+        if (film != NONE) {
+            refused += layers_give(own, pixel, film, value);
+        }
+    }
+    return refused;
+}
+
+uint layers_own(Contribution c) {
+    return layers_share(true, 0u, c);
+}
+
+uint layers_splat(uint pixel, Contribution c) {
+    return layers_share(false, pixel, c);
+}
+
+// Hears of every nearest hit; the first of a sample is that of its camera ray.
+void layers_trace(bool is_first, Ray ray, bool found, Hit hit) {
+    if (is_first) {
+        first_found = found;
+        first_ray = ray;
+        first_hit = hit;
+    }
+}
+
+void layers_put(uint film, vec3 value) {
+    if (film != NONE) {
+        layer_values[layers_row() + film] = value;
+    }
+}
+
+// Ends a sample, of which the picture took its part or not. Returns how many films could not take theirs.
+uint layers_close(uint pixel, bool counts) {
+    uint row = layers_row();
+    if (!counts) {
+        for (uint film = 0u; film < job.light_films; film++) {
+            layer_values[row + film] = vec3(0.0);
+        }
+    }
+    layers_put(job.layer_rays, vec3(float(film_rays)));
+    bool surfaces = (job.layer_albedo & job.layer_normal & job.layer_distance) != NONE;
+    if (surfaces && film_rays > 0u && first_found) {
+        Surface surface = surface_at(first_ray, first_hit);
+        layers_put(job.layer_albedo, surface_base_color(surface));
+        bool behind = dot(surface.n_geometric, first_ray.dir) > 0.0;
+        layers_put(job.layer_normal, behind ? -surface.n_shading : surface.n_shading);
+        layers_put(job.layer_distance, vec3(distance(first_ray.origin, surface.position), 1.0, 0.0));
+    }
+    uint refused = 0u;
+    for (uint film = 0u; film < job.film_count; film++) {
+        vec3 value = layer_values[row + film];
+        layer_values[row + film] = vec3(0.0);
+        if (!finite(value)) {
+            refused++;
+        } else if (value != vec3(0.0)) {
+            Sums sums = layer_sums[row + film];
+            add_sample(sums, value);
+            layer_sums[row + film] = sums;
+        }
+    }
+    return refused;
+}
+#else
+uint layers_own(Contribution c) {
+    return 0u;
+}
+
+uint layers_splat(uint pixel, Contribution c) {
+    return 0u;
+}
+
+void layers_trace(bool is_first, Ray ray, bool found, Hit hit) {}
+
+uint layers_close(uint pixel, bool counts) {
+    return 0u;
+}
+#endif
+
+#endif

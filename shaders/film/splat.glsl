@@ -1,0 +1,97 @@
+// Splats: light for pixels other than the sample's own, to which any invocation adds. A slot holds three sums and three
+// sums of squares; the slots of all pixels come first, and after them those of layers, `splat_films` for each pixel.
+// `splat_add` returns whether the splat can be counted, and is.
+//
+// With SPLAT_NONE there are none, and they are refused. With SPLAT_FLOAT, six floats that are added to atomically: fast, and the last bits depend on the order. Else six
+// 128-bit whole numbers, four words each, as in src/film/splat.rs: the same bits in any order.
+#ifndef FILM_SPLAT_GLSL
+#define FILM_SPLAT_GLSL
+
+#extension GL_EXT_control_flow_attributes : require
+
+#include "film/sums.glsl"
+
+// The greatest absolute value of one splat: 2^32.
+const float MAX_SPLAT = 4294967296.0;
+
+#ifdef SPLAT_NONE
+bool splat_add(uint slot, vec3 value) {
+    return false;
+}
+#elif defined(SPLAT_FLOAT)
+#extension GL_EXT_shader_atomic_float : require
+layout(set = 0, binding = 18, scalar) buffer Splats { float splats[]; };
+
+bool splat_add(uint slot, vec3 value) {
+    bool fits = finite(value) && all(lessThanEqual(abs(value), vec3(MAX_SPLAT)));
+    if (fits) {
+        for (uint c = 0u; c < 3u; c++) {
+            atomicAdd(splats[6u * slot + c], value[c]);
+            atomicAdd(splats[6u * slot + 3u + c], value[c] * value[c]);
+        }
+    }
+    return fits;
+}
+#else
+layout(set = 0, binding = 18, scalar) buffer Splats { uint splats[]; };
+
+// Word `i` of `mantissa * 2^shift`; what lies below one is cut off.
+uint wide_word(uvec2 mantissa, int shift, int i) {
+    // The word's lowest bit is this bit of the mantissa.
+    int from = 32 * i - shift;
+    if (from <= -32 || from >= 64) {
+        return 0u;
+    }
+    if (from < 0) {
+        return mantissa.x << -from;
+    }
+    uint part = uint(from) & 31u;
+    uint low = from < 32 ? mantissa.x : mantissa.y;
+    uint high = from < 32 ? mantissa.y : 0u;
+    return part == 0u ? low : (low >> part) | (high << (32u - part));
+}
+
+// Compilers for processors write a loop for every atomic operation, and much of it: there is one here, in a loop over the
+// 24 words of a slot.
+bool splat_add(uint slot, vec3 value) {
+    bool fits = finite(value) && all(lessThanEqual(abs(value), vec3(MAX_SPLAT)));
+    if (!fits) {
+        return false;
+    }
+    bool room = true;
+    uint carry = 0u;
+    uvec2 mantissa = uvec2(0u);
+    int shift = 0;
+    bool negative = false;
+    [[dont_unroll]] for (uint k = 0u; k < 24u; k++) {
+        uint i = k & 3u;
+        bool square = k >= 12u;
+        if (i == 0u) {
+            uint bits = floatBitsToUint(value[(k >> 2) % 3u]);
+            int exponent = int((bits >> 23) & 0xffu);
+            mantissa = uvec2((bits & 0x7fffffu) | (exponent == 0 ? 0u : 0x800000u), 0u);
+            exponent = max(exponent, 1) - 150;
+            // Units of 2^-64 for sums, of 2^-44 for squares.
+            shift = square ? 2 * exponent + 44 : exponent + 64;
+            negative = !square && (bits >> 31) != 0u;
+            if (square) {
+                umulExtended(mantissa.x, mantissa.x, mantissa.y, mantissa.x);
+            }
+            // Going past the end is how a negative number is added: its complement, and one.
+            carry = negative ? 1u : 0u;
+        }
+        uint digits = wide_word(mantissa, shift, int(i));
+        digits = negative ? ~digits : digits;
+        uint word = digits + carry;
+        carry = word < carry ? 1u : 0u;
+        if (word != 0u) {
+            uint old = atomicAdd(splats[24u * slot + k], word);
+            carry += old + word < old ? 1u : 0u;
+        }
+        room = room && !(square && i == 3u && carry != 0u);
+    }
+    return room;
+}
+#endif
+
+#endif

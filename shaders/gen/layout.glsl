@@ -1,0 +1,199 @@
+// Written by the test `the_committed_layouts_are_those_of_the_code` from src/render/vulkan/layout.rs: edit that.
+
+const uint NONE = 4294967295u;
+const uint MODEL_DISNEY = 0u;
+const uint MODEL_LAMBERT = 1u;
+const uint MASK_THRESHOLD = 0u;
+const uint MASK_BLEND = 1u;
+const uint FILTER_BOX = 0u;
+const uint FILTER_TENT = 1u;
+const uint FILTER_GAUSS = 2u;
+const uint FILTER_BLACKMAN_HARRIS = 3u;
+const uint FILTER_ANTIALIASING_RADIUS = 4u;
+const uint MIS_POWER = 0u;
+const uint MIS_BALANCE = 1u;
+const uint MIS_UNIFORM = 2u;
+const uint SAMPLER_INDEPENDENT = 0u;
+const uint SAMPLER_SOBOL = 1u;
+
+// Corners of a triangle in world space, counter-clockwise seen from its front.
+struct Triangle {
+    vec3 a; // First corner.
+    vec3 b; // Second corner, weight `hit.uv.x`.
+    vec3 c; // Third corner, weight `hit.uv.y`.
+};
+
+// What shading needs of a triangle.
+struct TriangleAttributes {
+    vec3 na; // Unit shading normal at the first corner.
+    vec3 nb; // Unit shading normal at the second corner.
+    vec3 nc; // Unit shading normal at the third corner.
+    vec2 ta; // Texture coordinates at the first corner.
+    vec2 tb; // Texture coordinates at the second corner.
+    vec2 tc; // Texture coordinates at the third corner.
+    uint material; // Index into `materials`.
+    uint emitter; // Index into `emitters`, or NONE.
+};
+
+// MikkTSpace tangents of a triangle: a unit vector and in `w` the sign of the bitangent.
+struct Tangents {
+    vec4 a; // At the first corner.
+    vec4 b; // At the second corner.
+    vec4 c; // At the third corner.
+};
+
+// An analytic sphere; its front is the outside.
+struct Sphere {
+    vec3 center; // Centre in world space.
+    float radius; // Radius, positive.
+    uint material; // Index into `materials`.
+    uint emitter; // Index into `emitters`, or NONE.
+};
+
+// A material, as `scene::compile::Material`.
+struct Material {
+    vec3 base_color; // Base colour, linear.
+    vec3 emission; // Emitted radiance of the front side.
+    uint model; // MODEL_DISNEY or MODEL_LAMBERT.
+    float roughness; // Perceptual roughness.
+    float metallic; // 0 dielectric to 1 metal.
+    float opacity; // 1 opaque to 0 refractive.
+    float ior; // Index of refraction relative to the outside.
+    float subsurface; // Part of the flatter diffuse lobe.
+    float specular_tint; // Hue in the dielectric's reflectance at normal incidence.
+    float anisotropic; // Stretch of highlights.
+    vec3 anisotropic_direction; // World-space direction of the stretch; zero is the direction of growing u.
+    float sheen; // Sheen.
+    float sheen_tint; // Hue of the sheen.
+    float clearcoat; // Clear coat.
+    float clearcoat_gloss; // Gloss of the clear coat.
+    float smooth_below; // Roughness below which specular lobes are Dirac lobes.
+    float normal_strength; // Factor on the slope of the normal map.
+    float mask_threshold; // Mask values below this are holes.
+    uint mask_mode; // MASK_THRESHOLD or MASK_BLEND.
+    uint shadow_terminator; // 1 where paths leave opaque triangles from the surface that their normals suggest, else 0.
+    uint base_color_texture; // Texture that multiplies `base_color`, or NONE.
+    uint emission_texture; // Texture that multiplies `emission`, or NONE.
+    uint mask_texture; // Texture whose red channel is the mask, or NONE.
+    uint roughness_texture; // Texture whose red channel replaces `roughness`, or NONE.
+    uint metallic_texture; // Texture whose red channel replaces `metallic`, or NONE.
+    uint opacity_texture; // Texture whose red channel replaces `opacity`, or NONE.
+    uint anisotropic_texture; // Texture of directions in the tangent frame, or NONE.
+    uint normal_texture; // Normal map, or NONE.
+    float tiling_scale; // Factor from texture coordinates to places in the textures.
+    vec2 tiling_offset; // Offset of the same, in repeats.
+    uint emitter_reflects; // 1 where the surface of a light also reflects, else 0.
+};
+
+// A texture: texels `[y][x]` from `texels[first]`, linear, origin top-left.
+struct Texture {
+    uint first; // Index of the first texel.
+    uint width; // Columns.
+    uint height; // Rows.
+};
+
+// One emissive primitive.
+struct Emitter {
+    uint primitive; // Primitive id: triangles first, spheres after them.
+    float area; // Area in square scene units.
+};
+
+// A point that shines equally in all directions.
+struct PointLight {
+    vec3 position; // Position in world space.
+    vec3 intensity; // Radiant intensity.
+};
+
+// Parallel light.
+struct DirectionalLight {
+    vec3 direction; // Unit direction in which the light travels.
+    vec3 irradiance; // Irradiance on a surface that faces the light.
+};
+
+// A light as `transport::light::Lights` chooses it: a column of its alias table, and the light's own probability.
+struct LightChoice {
+    uint own; // How many of the column's steps mean its own light.
+    uint above; // The light that the others mean.
+    float pmf; // Probability of the light with this index; 0 for columns that have no light.
+};
+
+// A row of an environment's map, and its cumulative probability.
+struct EnvironmentRow {
+    float marginal; // Cumulative probability after this row.
+    float upper; // Cosine of the polar angle at the upper edge.
+    float step; // Cosine at the lower edge minus cosine at the upper one: negative.
+    float upper_rest; // One minus the absolute cosine at the upper edge, exact near the poles.
+    float density; // Columns over the solid angle of the row: density per solid angle of a cell is its probability times this.
+};
+
+// Everything that stays the same from sample to sample: camera, limits, settings, lights.
+struct Job {
+    vec3 camera_position; // Position of the camera in world space.
+    vec3 camera_right; // Unit vector to the picture's right.
+    vec3 camera_up; // Unit vector to the picture's top.
+    vec3 camera_forward; // Unit vector along the optical axis.
+    vec2 camera_half; // Half extent of the picture at distance 1, horizontally and vertically.
+    uvec2 resolution; // Width and height in pixels.
+    float lens_radius; // Radius of the lens; 0 is a pinhole.
+    float focus_distance; // Distance of the plane of focus.
+    uint filter_kind; // FILTER_BOX and so on.
+    float filter_radius; // Half width of the filter in pixels.
+    uint max_depth; // Greatest number of path edges.
+    uint rr_start; // First path edge after which roulette may end a path, or NONE.
+    uint mis; // MIS_POWER, MIS_BALANCE, or NONE.
+    uint all_lights; // 1 where every light is asked at every vertex, else 0.
+    uvec2 one_strategy; // The strategy (s, t) that is kept or left out; NONE, NONE for all.
+    uint keep_strategy; // 1 where that strategy is kept, 0 where it is left out.
+    uint sampler_kind; // SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
+    uvec2 seed; // Low and high word of the seed.
+    uint triangle_count; // Number of triangles: primitive ids from here on are spheres.
+    uint sphere_count; // Number of spheres.
+    uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.
+    uint light_count; // Number of lights.
+    uvec3 light_first; // Index of the first point, direction, environment among the lights.
+    uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.
+    vec3 ball_center; // Centre of the ball around all surfaces.
+    float ball_radius; // Its radius; 0 without surfaces.
+    uint has_environment; // 1 if there is an environment, else 0.
+    uint environment_texture; // Texture of the environment, or NONE for the same colour from everywhere.
+    vec3 environment_radiance; // Colour, or factor on the texture.
+    vec2 environment_turn; // Sine and cosine of its rotation about +y.
+    uint film_count; // Films of layers for each pixel.
+    uint light_films; // Those of them that are made of contributions; they stand first.
+    uint splat_films; // Those of them on which splats land.
+    uint layer_depth; // The first film of the layer `depth`, or NONE.
+    uint layer_strategies; // The first film of the layer `strategies`, or NONE.
+    uint layer_bounces; // The film of the layer `bounces`, or NONE.
+    uint layer_rays; // The film of the layer `rays`, or NONE.
+    uint layer_albedo; // The film of the layer `albedo`, or NONE.
+    uint layer_normal; // The film of the layer `normal`, or NONE.
+    uint layer_distance; // The film of the layer `distance`, or NONE.
+};
+
+// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` gathers what rounding took.
+struct Sums {
+    vec3 sum; // Sum.
+    vec3 sum_rest; // What rounding took from it.
+    vec3 sum2; // Sum of squares.
+    vec3 sum2_rest; // What rounding took from it.
+};
+
+// What else a pixel's samples leave.
+struct Invalid {
+    uint count; // How many of its samples and of their splats were refused.
+    uvec2 first; // Low and high word of the index of the first such sample.
+};
+
+// What one dispatch counts.
+struct Counters {
+    uint rays; // Rays, modulo 2^32.
+    uint invalid; // Samples and splats that were refused.
+};
+
+// Which samples a dispatch adds, as push constants.
+struct Wave {
+    uvec2 first_sample; // Low and high word of the first sample's index.
+    uint samples; // How many samples of every pixel.
+    uint first_row; // The first row of pixels.
+    uint rows; // The number of rows.
+};

@@ -1,0 +1,89 @@
+// Twin of the sampling half of src/math/distribution.rs: tables are made on the host.
+#ifndef MATH_DISTRIBUTION_GLSL
+#define MATH_DISTRIBUTION_GLSL
+
+#extension GL_EXT_control_flow_attributes : require
+
+#include "scene.glsl"
+#include "math/elementary.glsl"
+
+// Steps of a sample number: 2^24.
+const uint STEPS = 1u << 24;
+
+// The step that a number in [0, 1) stands for.
+uint step_of(float u) {
+    return min(uint(u * float(STEPS)), STEPS - 1u);
+}
+
+// The light for `u` in [0, 1), and its probability. Not to be called where `job.alias_shift` is NONE.
+uint alias_sample(float u, out float probability) {
+    uint step = step_of(u);
+    uint column = step >> job.alias_shift;
+    LightChoice choice = light_choices[column];
+    uint item = (step & ((1u << job.alias_shift) - 1u)) < choice.own ? column : choice.above;
+    probability = light_choices[item].pmf;
+    return item;
+}
+
+// Probability of light `i`.
+float alias_pmf(uint i) {
+    return light_choices[i].pmf;
+}
+
+// A point drawn from the grid over the environment's map: column and row, the place inside the cell in [0, 1), what of the
+// cell lies beyond it (one minus the place, with the digits that a division on a device would cost), and the cell's
+// probability.
+struct GridSample {
+    uvec2 cell;
+    vec2 inside;
+    vec2 beyond;
+    float probability;
+};
+
+// Cumulative probability before item `i` of the rows (where `row` is NONE) or of the cells of a row.
+float grid_before(uint row, uint width, uint i) {
+    if (i == 0u) {
+        return 0.0;
+    }
+    return row == NONE ? environment_rows[i - 1u].marginal : environment_cells[row * width + i - 1u];
+}
+
+// Probability of the cell in a column and a row of a map of `width` columns.
+float grid_probability(uint width, uint x, uint y) {
+    float row = environment_rows[y].marginal - grid_before(NONE, width, y);
+    return row * (environment_cells[y * width + x] - grid_before(y, width, x));
+}
+
+// A cell and a point in it for `u` in [0, 1)^2: the first number chooses the column, the second the row.
+GridSample grid_sample(uvec2 size, vec2 u) {
+    GridSample s;
+    s.probability = 1.0;
+    uint row = NONE;
+    // Row first, then column: the same search.
+    [[dont_unroll]] for (int axis = 1; axis >= 0; --axis) {
+        uint low = 0u, count = size[axis];
+        while (count > 0u) {
+            uint half_count = count / 2u;
+            if (grid_before(row, size.x, low + half_count + 1u) <= u[axis]) {
+                low += half_count + 1u;
+                count -= half_count + 1u;
+            } else {
+                count = half_count;
+            }
+        }
+        uint i = min(low, size[axis] - 1u);
+        float start = grid_before(row, size.x, i), end = grid_before(row, size.x, i + 1u);
+        float width = end - start;
+        s.cell[axis] = i;
+        // Exact in this order only.
+        precise float behind = u[axis] - start + 0.5 / float(STEPS);
+        precise float ahead = end - u[axis] - 0.5 / float(STEPS);
+        s.inside[axis] = clamp(behind / width, 0.0, 1.0 - F32_EPSILON);
+        s.beyond[axis] = clamp(ahead / width, F32_EPSILON, 1.0);
+        s.probability *= width;
+        row = i;
+    }
+    return s;
+}
+
+#endif

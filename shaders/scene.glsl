@@ -1,0 +1,29 @@
+// Everything that shaders read: one descriptor set for all techniques and backends. The structs are made from
+// src/render/vulkan/layout.rs; src/render/vulkan/upload.rs fills the buffers. Scalar block layout everywhere, so that an
+// array of vec3 has a stride of 12 bytes. An array without rows is bound with one row of zeros.
+#ifndef SCENE_GLSL
+#define SCENE_GLSL
+
+#extension GL_EXT_scalar_block_layout : require
+
+#include "gen/layout.glsl"
+
+layout(set = 0, binding = 0, scalar) restrict readonly buffer JobBlock { Job job; };
+layout(set = 0, binding = 1, scalar) restrict readonly buffer Triangles { Triangle triangles[]; };
+layout(set = 0, binding = 2, scalar) restrict readonly buffer Attributes { TriangleAttributes attributes[]; };
+layout(set = 0, binding = 3, scalar) restrict readonly buffer TangentRows { Tangents tangents[]; };
+layout(set = 0, binding = 4, scalar) restrict readonly buffer Spheres { Sphere spheres[]; };
+layout(set = 0, binding = 5, scalar) restrict readonly buffer Materials { Material materials[]; };
+layout(set = 0, binding = 6, scalar) restrict readonly buffer Textures { Texture textures[]; };
+layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texels[]; };
+layout(set = 0, binding = 8, scalar) restrict readonly buffer Emitters { Emitter emitters[]; };
+layout(set = 0, binding = 9, scalar) restrict readonly buffer Points { PointLight points[]; };
+layout(set = 0, binding = 10, scalar) restrict readonly buffer Directionals { DirectionalLight directionals[]; };
+layout(set = 0, binding = 11, scalar) restrict readonly buffer LightChoices { LightChoice light_choices[]; };
+layout(set = 0, binding = 12, scalar) restrict readonly buffer EnvironmentRows { EnvironmentRow environment_rows[]; };
+// Cumulative probabilities of the environment's cells, [row][column].
+layout(set = 0, binding = 13, scalar) restrict readonly buffer EnvironmentCells { float environment_cells[]; };
+// Of every film of layers its place among those on which splats land, or NONE.
+layout(set = 0, binding = 14, scalar) restrict readonly buffer SplatSlots { uint splat_slots[]; };
+
+#endif

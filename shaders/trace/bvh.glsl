@@ -1,0 +1,140 @@
+// The traversal of `vulkan-compute`: eight-wide nodes with compressed boxes [Ylitie et al. 2017], as src/render/vulkan/bvh.rs
+// copies them. A node is five uvec4:
+//   0: corner of its box (3 floats); exponents of the box's grid (3 bytes) and which children are nodes (1 byte)
+//   1: first child node; first primitive; meta data of the eight children
+//   2, 3, 4: least and greatest grid coordinates of the eight children in x, in y, in z
+#ifndef TRACE_BVH_GLSL
+#define TRACE_BVH_GLSL
+
+#include "trace/intersect.glsl"
+#include "transport/surface.glsl"
+
+layout(set = 0, binding = 21, scalar) readonly buffer Nodes { uvec4 nodes[]; };
+layout(set = 0, binding = 22, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
+
+const uint STACK = 32u;
+
+// A ray as nodes see it.
+struct BoxRay {
+    vec3 origin;
+    vec3 inverse;
+    // Which of the two planes of an axis the ray meets first: true for the greater one.
+    bvec3 backward;
+    // In every byte, the slot that the ray meets first.
+    uint octant;
+};
+
+uint byte_of(uint word, uint i) {
+    return bitfieldExtract(word, int(8u * i), 8);
+}
+
+// The children of a node whose boxes the ray meets before t_max: in the upper byte the nodes, by the order in which to
+// visit them; below, the primitives of leaves.
+uint node_hits(uvec4 n0, uvec4 n1, uint node, BoxRay ray, float t_max) {
+    vec3 grid = uintBitsToFloat(uvec3(byte_of(n0.w, 0u), byte_of(n0.w, 1u), byte_of(n0.w, 2u)) << 23);
+    vec3 scale = grid * ray.inverse;
+    vec3 start = (uintBitsToFloat(n0.xyz) - ray.origin) * ray.inverse;
+    // A bound on rounding: no box that the ray meets is lost.
+    vec3 slack = 4e-7 * (abs(start) + 255.0 * abs(scale));
+    vec3 first = start - slack;
+    vec3 last = start + slack;
+    uvec4 x = nodes[node + 2u];
+    uvec4 y = nodes[node + 3u];
+    uvec4 z = nodes[node + 4u];
+    x = ray.backward.x ? x.zwxy : x;
+    y = ray.backward.y ? y.zwxy : y;
+    z = ray.backward.z ? z.zwxy : z;
+    uint hits = 0u;
+    for (uint half_node = 0u; half_node < 2u; half_node++) {
+        uint meta = half_node == 0u ? n1.z : n1.w;
+        uvec3 near = half_node == 0u ? uvec3(x.x, y.x, z.x) : uvec3(x.y, y.y, z.y);
+        uvec3 far = half_node == 0u ? uvec3(x.z, y.z, z.z) : uvec3(x.w, y.w, z.w);
+        uint inner = ((meta & (meta << 1)) & 0x10101010u) >> 4;
+        uint bits = (meta >> 5) & 0x07070707u;
+        uint places = (meta ^ (ray.octant & (inner * 0xffu))) & 0x1f1f1f1fu;
+        for (uint i = 0u; i < 4u; i++) {
+            vec3 enter = vec3(byte_of(near.x, i), byte_of(near.y, i), byte_of(near.z, i)) * scale + first;
+            vec3 leave = vec3(byte_of(far.x, i), byte_of(far.y, i), byte_of(far.z, i)) * scale + last;
+            float from = max(max(enter.x, enter.y), max(enter.z, 0.0));
+            float to = min(min(leave.x, leave.y), min(leave.z, t_max));
+            if (from <= to) {
+                hits |= byte_of(bits, i) << byte_of(places, i);
+            }
+        }
+    }
+    return hits;
+}
+
+// The nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
+bool traverse(Ray ray, float t_max, bool any, out Hit best) {
+    best = Hit(t_max, NONE, vec2(0.0));
+    ShearedRay shear = sheared_ray(ray);
+    BoxRay boxed;
+    boxed.origin = ray.origin;
+    // A zero component would make 0 * inf = NaN on a box's plane; a tiny one is as good and stays finite.
+    vec3 dir = mix(ray.dir, mix(vec3(1e-20), vec3(-1e-20), lessThan(ray.dir, vec3(0.0))),
+        lessThan(abs(ray.dir), vec3(1e-20)));
+    boxed.inverse = 1.0 / dir;
+    boxed.backward = lessThan(dir, vec3(0.0));
+    boxed.octant = (boxed.backward.x ? 0u : 0x04040404u) | (boxed.backward.y ? 0u : 0x02020202u)
+        | (boxed.backward.z ? 0u : 0x01010101u);
+    uvec2 stack[STACK];
+    uint depth = 0u;
+    bool there = job.triangle_count + job.sphere_count > 0u;
+    // Node groups: first child, and above bit 24 which of them wait; primitive groups likewise below bit 24.
+    uvec2 group = uvec2(0u, there ? 0x80000000u : 0u);
+    while (true) {
+        uvec2 leaf = uvec2(0u);
+        if ((group.y & 0xff000000u) != 0u) {
+            uint place = uint(findMSB(group.y));
+            group.y &= ~(1u << place);
+            if ((group.y & 0xff000000u) != 0u) {
+                stack[depth++] = group;
+            }
+            uint slot = (place - 24u) ^ (boxed.octant & 0xffu);
+            uint node = 5u * (group.x + bitCount(group.y & ~(0xffffffffu << slot)));
+            uvec4 n0 = nodes[node];
+            uvec4 n1 = nodes[node + 1u];
+            uint hits = node_hits(n0, n1, node, boxed, best.t);
+            group = uvec2(n1.x, (hits & 0xff000000u) | (n0.w >> 24));
+            leaf = uvec2(n1.y, hits & 0x00ffffffu);
+        }
+        while (leaf.y != 0u) {
+            uint place = uint(findMSB(leaf.y));
+            leaf.y &= ~(1u << place);
+            Hit hit;
+            hit.primitive = leaf_primitives[leaf.x + place];
+            hit.uv = vec2(0.0);
+            bool found;
+            if (hit.primitive < job.triangle_count) {
+                found = intersect_triangle(shear, triangles[hit.primitive], best.t, hit.t, hit.uv);
+            } else {
+                found = intersect_sphere(spheres[hit.primitive - job.triangle_count], ray, best.t, hit.t);
+            }
+            if (found && !is_masked_out(ray, hit)) {
+                best = hit;
+                if (any) {
+                    return true;
+                }
+            }
+        }
+        if ((group.y & 0xff000000u) == 0u) {
+            if (depth == 0u) {
+                return best.primitive != NONE;
+            }
+            group = stack[--depth];
+        }
+    }
+    return false;
+}
+
+bool seam_closest(Ray ray, float t_max, out Hit hit) {
+    return traverse(ray, t_max, false, hit);
+}
+
+bool seam_occluded(Ray ray, float t_max) {
+    Hit hit;
+    return traverse(ray, t_max, true, hit);
+}
+
+#endif

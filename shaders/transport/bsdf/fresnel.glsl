@@ -1,0 +1,39 @@
+// Twin of src/transport/bsdf/fresnel.rs.
+#ifndef TRANSPORT_BSDF_FRESNEL_GLSL
+#define TRANSPORT_BSDF_FRESNEL_GLSL
+
+// What an interface between dielectrics does with unpolarised light: reflected part, cosine of the refracted direction (0
+// under total internal reflection), index of the far side over that of the near side.
+struct Interface {
+    float reflectance;
+    float cos_t;
+    float eta;
+};
+
+// The full Fresnel equations for `cos_i` (positive outside, negative inside) and the index of the inside.
+Interface fresnel_dielectric(float cos_i, float ior) {
+    float eta = cos_i >= 0.0 ? ior : 1.0 / ior;
+    cos_i = min(abs(cos_i), 1.0);
+    float cos2_t = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
+    if (cos2_t <= 0.0) {
+        return Interface(1.0, 0.0, eta);
+    }
+    float cos_t = sqrt(cos2_t);
+    float parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    float perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    return Interface(0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t, eta);
+}
+
+// `(1 - |cos|)^5`.
+float schlick_weight(float cos_theta) {
+    float m = clamp(1.0 - abs(cos_theta), 0.0, 1.0);
+    float m2 = m * m;
+    return m2 * m2 * m;
+}
+
+// Reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].
+vec3 fresnel_schlick(vec3 f0, float cos_theta) {
+    return f0 + (vec3(1.0) - f0) * schlick_weight(cos_theta);
+}
+
+#endif

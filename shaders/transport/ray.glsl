@@ -1,0 +1,37 @@
+// Twin of src/transport/ray.rs.
+#ifndef TRANSPORT_RAY_GLSL
+#define TRANSPORT_RAY_GLSL
+
+// A half-line: where it starts in world space, and a unit vector.
+struct Ray {
+    vec3 origin;
+    vec3 dir;
+};
+
+// What a ray met first: distance; primitive id, triangles first and spheres after them; barycentric weights of the second
+// and third corner, zero for spheres.
+struct Hit {
+    float t;
+    uint primitive;
+    vec2 uv;
+};
+
+// The seam to whatever intersects rays, masks included: whoever includes this defines both.
+// The nearest hit with 0 < t < t_max, if there is one.
+bool trace_closest(Ray ray, float t_max, out Hit hit);
+// Whether anything is hit with 0 < t < t_max.
+bool trace_occluded(Ray ray, float t_max);
+
+float offset_axis(float p, float n) {
+    int steps = int(256.0 * n);
+    float moved = intBitsToFloat(floatBitsToInt(p) + (p < 0.0 ? -steps : steps));
+    return abs(p) < 1.0 / 32.0 ? p + n * (1.0 / 65536.0) : moved;
+}
+
+// A point moved off its surface along `n` just far enough that a ray from there does not meet the surface again [Waechter
+// & Binder 2019].
+vec3 offset_origin(vec3 p, vec3 n) {
+    return vec3(offset_axis(p.x, n.x), offset_axis(p.y, n.y), offset_axis(p.z, n.z));
+}
+
+#endif

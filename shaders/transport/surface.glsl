@@ -1,0 +1,280 @@
+// Twin of src/transport/surface.rs.
+#ifndef TRANSPORT_SURFACE_GLSL
+#define TRANSPORT_SURFACE_GLSL
+
+#include "scene.glsl"
+#include "math/elementary.glsl"
+#include "math/rng.glsl"
+#include "transport/light/types.glsl"
+#include "transport/ray.glsl"
+
+// A normal from a normal map that points behind the real surface is tilted until its cosine with it is this.
+const float GRAZING_COSINE = 1e-3;
+
+// The smooth surface that corner normals suggest above a point of a triangle; fields as in Rust, and whether there is one.
+struct Overhang {
+    bool present;
+    vec3 base;
+    vec3 crest;
+    vec3 up;
+    bool raised;
+};
+
+const Overhang NO_OVERHANG = Overhang(false, vec3(0.0), vec3(0.0), vec3(0.0), false);
+
+// A point on a surface with what shading needs of it; fields as in Rust.
+struct Surface {
+    vec3 position;
+    vec3 n_geometric;
+    vec3 n_shading;
+    vec3 tangent;
+    vec2 uv;
+    uint material;
+    uint emitter;
+    Overhang overhang;
+};
+
+// Whether an edge in this direction leaves from the crest, if its far end is below the plane.
+bool overhang_carries(Overhang o, vec3 dir) {
+    return o.present && dot(dir, o.up) <= 0.0;
+}
+
+// Whether a point lies below the triangle's plane.
+bool overhang_reaches(Overhang o, vec3 point) {
+    return dot(point - o.base, o.up) <= 0.0;
+}
+
+// Whether the drawn light is for the other one of base and crest.
+bool overhang_refuses(Overhang o, DirectSample direct) {
+    bool below = is_finite(direct.distance) ? overhang_reaches(o, direct.point.position) : overhang_carries(o, direct.wi);
+    return o.present && below != o.raised;
+}
+
+// The two texels around a coordinate that repeats with period 1, and the weight of the second.
+uvec2 neighbours(float coordinate, uint size, out float weight) {
+    float wrapped = coordinate - floor(coordinate);
+    float x = (is_finite(wrapped) ? wrapped : 0.0) * float(size) - 0.5;
+    float low = floor(x);
+    // -1 is the last texel, and 1 - epsilon may be rounded to the size.
+    uint first = low < 0.0 ? size - 1u : uint(low) % size;
+    weight = x - low;
+    return uvec2(first, (first + 1u) % size);
+}
+
+// The colour at texture coordinates, interpolated between the centres of four texels: see `Texture::bilinear`.
+vec3 texture_bilinear(uint index, vec2 uv) {
+    Texture t = textures[index];
+    vec2 f;
+    uvec2 x = neighbours(uv.x, t.width, f.x);
+    // Row 0 is the top of the picture, v = 0 its bottom.
+    uvec2 y = neighbours(-uv.y, t.height, f.y);
+    uvec2 rows = t.first + y * t.width;
+    vec3 upper = mix(texels[rows.x + x.x], texels[rows.x + x.y], f.x);
+    vec3 lower = mix(texels[rows.y + x.x], texels[rows.y + x.y], f.x);
+    return mix(upper, lower, f.y);
+}
+
+// A texture's colour at texture coordinates of a material's surface, or white where there is no texture.
+vec3 lookup(uint index, vec2 uv, uint material) {
+    if (index == NONE) {
+        return vec3(1.0);
+    }
+    return texture_bilinear(index, uv * materials[material].tiling_scale + materials[material].tiling_offset);
+}
+
+// A texture's red channel, or `scalar` where there is no texture.
+float lookup_scalar(uint index, vec2 uv, uint material, float scalar) {
+    return index == NONE ? scalar : lookup(index, uv, material).x;
+}
+
+// Texture coordinates on a sphere: longitude about y in u, from the south pole to the north pole in v.
+vec2 sphere_uv(vec3 n) {
+    return vec2(atan2(n.x, n.z) / TAU + 0.5, 1.0 - arc_cos(clamp(n.y, -1.0, 1.0)) / PI);
+}
+
+// Texture coordinates at a hit of `ray`.
+vec2 uv_at(Ray ray, Hit hit) {
+    if (hit.primitive < job.triangle_count) {
+        TriangleAttributes a = attributes[hit.primitive];
+        return a.ta * (1.0 - hit.uv.x - hit.uv.y) + a.tb * hit.uv.x + a.tc * hit.uv.y;
+    }
+    vec3 center = spheres[hit.primitive - job.triangle_count].center;
+    return sphere_uv(normalize_or(ray.origin + ray.dir * hit.t - center, -ray.dir));
+}
+
+// The material row of a primitive.
+uint material_of(uint primitive) {
+    return primitive < job.triangle_count
+        ? attributes[primitive].material
+        : spheres[primitive - job.triangle_count].material;
+}
+
+// How much of a material there is at texture coordinates: see Rust.
+float coverage(uint material, vec2 uv) {
+    uint index = materials[material].mask_texture;
+    if (index == NONE) {
+        return 1.0;
+    }
+    float mask = lookup(index, uv, material).x;
+    if (materials[material].mask_mode == MASK_BLEND) {
+        return clamp(mask, 0.0, 1.0);
+    }
+    return mask >= materials[material].mask_threshold ? 1.0 : 0.0;
+}
+
+// Whether the mask of the material that was hit says that there is nothing; in blend mode a hash of ray and primitive
+// decides.
+bool is_masked_out(Ray ray, Hit hit) {
+    uint material = material_of(hit.primitive);
+    if (materials[material].mask_texture == NONE) {
+        return false;
+    }
+    float covered = coverage(material, uv_at(ray, hit));
+    if (materials[material].mask_mode == MASK_THRESHOLD) {
+        return covered == 0.0;
+    }
+    uvec4 directed = pcg4d(uvec4(floatBitsToUint(ray.dir), hit.primitive));
+    uvec4 placed = uvec4(floatBitsToUint(ray.origin) ^ directed.xyz, directed.w);
+    return unit(pcg4d(placed).x) >= covered;
+}
+
+// The smooth surface above this point of a triangle, where the corner normals suggest one on the side the ray came from.
+Overhang find_overhang(Surface s, Ray ray, Hit hit) {
+    bool opaque = materials[s.material].opacity >= 1.0 && materials[s.material].opacity_texture == NONE;
+    bool metal = !(materials[s.material].metallic < 1.0) && materials[s.material].metallic_texture == NONE;
+    if (!opaque && !metal) {
+        return NO_OVERHANG;
+    }
+    Triangle corners = triangles[hit.primitive];
+    TriangleAttributes a = attributes[hit.primitive];
+    vec3 lift = a.na * (dot(s.position - corners.a, a.na) * -(1.0 - hit.uv.x - hit.uv.y))
+        - a.nb * (dot(s.position - corners.b, a.nb) * hit.uv.x)
+        - a.nc * (dot(s.position - corners.c, a.nc) * hit.uv.y);
+    vec3 up = dot(ray.dir, s.n_geometric) < 0.0 ? s.n_geometric : -s.n_geometric;
+    if (!(dot(lift, up) > 0.0)) {
+        return NO_OVERHANG;
+    }
+    return Overhang(true, s.position, offset_origin(s.position + lift, up), up, false);
+}
+
+// Applies the normal map and finds the direction of anisotropy.
+void surface_orient(inout Surface s, Hit hit) {
+    // MikkTSpace decodes with interpolated vectors that are not made unit vectors again.
+    vec3 n_axis = s.n_shading, u_axis, v_axis;
+    if (hit.primitive < job.triangle_count) {
+        vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
+        TriangleAttributes a = attributes[hit.primitive];
+        Tangents t = Tangents(vec4(0.0), vec4(0.0), vec4(0.0));
+        if (job.has_tangents != 0u) {
+            t = tangents[hit.primitive];
+        }
+        n_axis = a.na * weights.x + a.nb * weights.y + a.nc * weights.z;
+        u_axis = (t.a * weights.x + t.b * weights.y + t.c * weights.z).xyz;
+        v_axis = cross(a.na, t.a.xyz) * t.a.w * weights.x + cross(a.nb, t.b.xyz) * t.b.w * weights.y
+            + cross(a.nc, t.c.xyz) * t.c.w * weights.z;
+    } else {
+        u_axis = normalize_or(vec3(n_axis.z, 0.0, -n_axis.x), vec3(0.0));
+        v_axis = cross(n_axis, u_axis);
+    }
+    uint normal_map = materials[s.material].normal_texture;
+    if (normal_map != NONE && u_axis != vec3(0.0)) {
+        vec3 texel = lookup(normal_map, s.uv, s.material) * 2.0 - 1.0;
+        texel.xy *= materials[s.material].normal_strength;
+        vec3 n = normalize_or(u_axis * texel.x + v_axis * texel.y + n_axis * texel.z, s.n_shading);
+        float behind = dot(n, s.n_geometric) - GRAZING_COSINE;
+        s.n_shading = behind < 0.0 ? normalize_or(n - s.n_geometric * behind, s.n_geometric) : n;
+    }
+    uint directions = materials[s.material].anisotropic_texture;
+    if (directions != NONE) {
+        vec3 texel = lookup(directions, s.uv, s.material) * 2.0 - 1.0;
+        s.tangent = u_axis * texel.x + v_axis * texel.y;
+    } else {
+        vec3 along = materials[s.material].anisotropic_direction;
+        s.tangent = along != vec3(0.0) ? along : u_axis;
+    }
+}
+
+// Whether shading a material needs tangents.
+bool uses_tangents(uint material) {
+    bool stretched = materials[material].model == MODEL_DISNEY && materials[material].anisotropic > 0.0;
+    return stretched || materials[material].normal_texture != NONE;
+}
+
+// The surface at a hit of `ray`.
+Surface surface_at(Ray ray, Hit hit) {
+    Surface s;
+    s.tangent = vec3(0.0);
+    s.overhang = NO_OVERHANG;
+    if (hit.primitive < job.triangle_count) {
+        Triangle corners = triangles[hit.primitive];
+        TriangleAttributes a = attributes[hit.primitive];
+        vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
+        s.position = corners.a * weights.x + corners.b * weights.y + corners.c * weights.z;
+        s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
+        s.n_shading = normalize_or(a.na * weights.x + a.nb * weights.y + a.nc * weights.z, s.n_geometric);
+        s.uv = a.ta * weights.x + a.tb * weights.y + a.tc * weights.z;
+        s.material = a.material;
+        s.emitter = a.emitter;
+        if (materials[s.material].shadow_terminator != 0u) {
+            s.overhang = find_overhang(s, ray, hit);
+        }
+    } else {
+        Sphere ball = spheres[hit.primitive - job.triangle_count];
+        vec3 n = normalize_or(ray.origin + ray.dir * hit.t - ball.center, -ray.dir);
+        s.position = ball.center + n * ball.radius;
+        s.n_geometric = n;
+        s.n_shading = n;
+        s.uv = sphere_uv(n);
+        s.material = ball.material;
+        s.emitter = ball.emitter;
+    }
+    if (uses_tangents(s.material)) {
+        surface_orient(s, hit);
+    }
+    return s;
+}
+
+// This surface as edges meet it that leave from the crest of its overhang, if it has one.
+bool surface_raised(Surface s, out Surface raised) {
+    raised = s;
+    raised.position = s.overhang.crest;
+    raised.n_geometric = vec3(0.0);
+    raised.overhang.raised = true;
+    return s.overhang.present;
+}
+
+// The edge on which a path that came here goes on into `dir`, if that is one from the crest.
+Overhang overhang_into(Surface s, vec3 dir) {
+    Overhang o = s.overhang;
+    o.present = overhang_carries(o, dir);
+    return o;
+}
+
+// Radiance emitted towards `wo`: the material's emission on the front side, black behind.
+vec3 surface_emitted(Surface s, vec3 wo) {
+    if (s.emitter == NONE || dot(s.n_geometric, wo) <= 0.0) {
+        return vec3(0.0);
+    }
+    return materials[s.material].emission * lookup(materials[s.material].emission_texture, s.uv, s.material);
+}
+
+// The base colour here.
+vec3 surface_base_color(Surface s) {
+    return materials[s.material].base_color * lookup(materials[s.material].base_color_texture, s.uv, s.material);
+}
+
+// Whether a path that hits this surface ends there: a light that does not reflect.
+bool surface_ends(Surface s) {
+    return s.emitter != NONE && materials[s.material].emitter_reflects == 0u;
+}
+
+// A ray from here into `dir`, started off the surface on the side to which it goes.
+Ray surface_spawn(Surface s, vec3 dir) {
+    if (overhang_carries(s.overhang, dir)) {
+        return Ray(s.overhang.crest, dir);
+    }
+    vec3 side = dot(dir, s.n_geometric) < 0.0 ? -s.n_geometric : s.n_geometric;
+    return Ray(offset_origin(s.position, side), dir);
+}
+
+#endif

@@ -1,0 +1,153 @@
+//! What backends cost and how fast they are: `lumbre bench --backend NAME`, once for each backend, in one run.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde_json::{Value as Json, json};
+
+use crate::cli::text::aligned;
+use crate::math::stats::median;
+use crate::render::{Job, backend};
+use crate::scene::{CompiledScene, compile, load};
+use crate::transport::camera::FilterSpec;
+use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
+use crate::transport::sampler::INDEPENDENT;
+
+/// Edges of the paths, as in the tables of the first source.
+const MAX_DEPTH: u32 = 5;
+
+/// The shortest wave that is measured, in seconds: as often as a night measures its errors.
+const WAVE_S: f64 = 0.5;
+
+/// One scene, integrator and backend.
+pub struct Row {
+    scene: String,
+    integrator: &'static str,
+    backend: &'static str,
+    device: String,
+    resolution: [u32; 2],
+    /// Seconds from the job to the first wave: copies, hierarchies, shaders.
+    open_s: f64,
+    /// Seconds of it for what rays are traced through.
+    build_s: f64,
+    /// Samples of pixels per second, in millions; median.
+    mpaths_per_s: f64,
+    /// Share of the time of waves in which the device did not work; nothing for the processor itself.
+    host_share: Option<f64>,
+}
+
+/// Measures every integrator on some backends, at `resolution` and depth 5.
+///
+/// # Errors
+/// When a scene cannot be loaded, or a backend is unknown or fails, with a message for people.
+pub fn measure(
+    name: &str,
+    file: &Path,
+    backends: &[String],
+    resolution: [u32; 2],
+    repeats: usize,
+) -> Result<Vec<Row>, String> {
+    let (desc, _) = load::load(file).map_err(|e| e.to_string())?;
+    let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
+    let mut rows = Vec::new();
+    for integrator in INTEGRATORS {
+        for wanted in backends {
+            rows.push(one(name, &scene, integrator, wanted, resolution, repeats)?);
+        }
+    }
+    Ok(rows)
+}
+
+fn one(
+    name: &str,
+    scene: &Arc<CompiledScene>,
+    integrator: &'static IntegratorRow,
+    wanted: &str,
+    resolution: [u32; 2],
+    repeats: usize,
+) -> Result<Row, String> {
+    let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`; `lumbre doctor` lists them"))?;
+    let job = Job {
+        integrator,
+        params: Default::default(),
+        resolution,
+        max_depth: MAX_DEPTH,
+        rr_start: None,
+        filter: FilterSpec::PIXEL,
+        layers: Vec::new(),
+        sampler: INDEPENDENT,
+        seed: 1,
+        threads: 0,
+    };
+    let start = Instant::now();
+    let mut renderer = (row.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
+    let open_s = start.elapsed().as_secs_f64();
+    let stats = renderer.open_stats();
+    let (build_s, device) = (stats.accel_build_s, stats.device.clone());
+    // Waves grow until they take what a night's do.
+    let mut samples = 1;
+    loop {
+        let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
+        if wave.render_s >= WAVE_S || samples >= 1 << 16 {
+            break;
+        }
+        samples *= 2;
+    }
+    let (mut rates, mut shares) = (Vec::new(), Vec::new());
+    for _ in 0..repeats {
+        let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
+        rates.push(wave.paths as f64 / wave.render_s / 1e6);
+        shares.push(1.0 - wave.device_s / wave.render_s);
+    }
+    let share = median(shares);
+    Ok(Row {
+        scene: name.to_owned(),
+        integrator: integrator.name,
+        backend: row.name,
+        device,
+        resolution,
+        open_s,
+        build_s,
+        mpaths_per_s: median(rates),
+        host_share: (share < 1.0).then_some(share),
+    })
+}
+
+impl Row {
+    /// Pictures of one sample per second.
+    fn frames_per_s(&self) -> f64 {
+        self.mpaths_per_s * 1e6 / (f64::from(self.resolution[0]) * f64::from(self.resolution[1]))
+    }
+
+    /// The figures by name.
+    pub fn to_json(&self) -> Json {
+        json!({
+            "scene": self.scene, "integrator": self.integrator, "backend": self.backend, "device": self.device,
+            "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s, "build_s": self.build_s,
+            "mpaths_per_s": self.mpaths_per_s, "frames_per_s": self.frames_per_s(), "host_share": self.host_share,
+        })
+    }
+}
+
+/// The table for people.
+pub fn table(rows: &[Row]) -> String {
+    let head = ["scene", "integrator", "backend", "Mpaths/s", "FPS", "open s", "of it build s", "host %"];
+    let mut lines = vec![head.map(str::to_owned).to_vec()];
+    for r in rows {
+        lines.push(vec![
+            r.scene.clone(),
+            r.integrator.to_owned(),
+            r.backend.to_owned(),
+            format!("{:.3}", r.mpaths_per_s),
+            format!("{:.2}", r.frames_per_s()),
+            format!("{:.2}", r.open_s),
+            format!("{:.3}", r.build_s),
+            r.host_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1}", share * 100.0)),
+        ]);
+    }
+    let mut devices: Vec<String> = rows.iter().map(|r| format!("{}: {}", r.backend, r.device)).collect();
+    devices.sort();
+    devices.dedup();
+    format!("{}\n{}\n", aligned(&lines), devices.join("\n"))
+}

@@ -1,0 +1,233 @@
+//! The films of a run on the device, and their copies here.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::buffer::{Buffer, Readback};
+use super::device::Device;
+use super::error::VulkanError;
+use super::layout::{Counters, Invalid, Sums};
+use super::pipeline::Bound;
+use crate::film::Film;
+use crate::film::layer::{LayerFilm, Layout};
+use crate::film::splat::{join, squares_of_words, sum_of_words};
+
+/// Sums of splats of one film at one pixel: three sums, three sums of squares.
+type Landed = ([f64; 3], [f64; 3]);
+
+/// How splats are summed on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SplatMode {
+    /// No sample of this job brings light to other pixels.
+    None,
+    /// By atomic addition of floats: the last bits depend on chance. Each wave starts from zero, and is added here in double
+    /// precision.
+    Float,
+    /// In 128-bit whole numbers, as on the CPU: the same bits every time.
+    Fixed,
+}
+
+impl SplatMode {
+    /// Bytes of a slot.
+    fn bytes(self) -> u64 {
+        match self {
+            SplatMode::None => 0,
+            SplatMode::Float => 6 * 4,
+            SplatMode::Fixed => 6 * 16,
+        }
+    }
+}
+
+/// Buffers that a run adds to.
+pub struct Films {
+    sums: Buffer,
+    invalid: Buffer,
+    counters: Buffer,
+    splats: Buffer,
+    layer_sums: Buffer,
+    layer_values: Buffer,
+    mode: SplatMode,
+    layout: Layout,
+    resolution: [u32; 2],
+    /// Splats of earlier waves, where the device starts every wave from zero; by slot.
+    landed: Vec<Landed>,
+    readback: Readback,
+    counted: Readback,
+}
+
+impl Films {
+    /// Films without samples.
+    ///
+    /// # Errors
+    /// When they do not fit onto the device.
+    pub fn new(
+        device: &Arc<Device>,
+        resolution: [u32; 2],
+        layout: Layout,
+        mode: SplatMode,
+    ) -> Result<Films, VulkanError> {
+        let pixels = u64::from(resolution[0]) * u64::from(resolution[1]);
+        let films = layout.films().len() as u64;
+        let splat_films = layout.films().iter().filter(|film| film.splats).count() as u64;
+        let slots = if mode == SplatMode::None { 0 } else { pixels * (1 + splat_films) };
+        let cleared = |name: &str, size: u64| {
+            let buffer = Buffer::new(device, name, size.max(16), vk::BufferUsageFlags::empty())?;
+            buffer.clear()?;
+            Ok::<Buffer, VulkanError>(buffer)
+        };
+        let row = size_of::<Sums>() as u64;
+        let largest = (row * pixels).max(mode.bytes() * slots).max(row * pixels * films);
+        Ok(Films {
+            sums: cleared("sums of pixels", row * pixels)?,
+            invalid: cleared("refused samples", size_of::<Invalid>() as u64 * pixels)?,
+            counters: cleared("counters", size_of::<Counters>() as u64)?,
+            splats: cleared("splats", mode.bytes() * slots)?,
+            layer_sums: cleared("sums of layers", row * pixels * films)?,
+            layer_values: cleared("values of layers", 12 * pixels * films)?,
+            landed: if mode == SplatMode::Float { vec![Landed::default(); slots as usize] } else { Vec::new() },
+            readback: Readback::new(device, largest)?,
+            counted: Readback::new(device, size_of::<Counters>() as u64)?,
+            mode,
+            layout,
+            resolution,
+        })
+    }
+
+    /// What is bound after the scene, in the order of `shaders/film`.
+    pub fn bound(&self) -> [Bound<'_>; 6] {
+        [&self.sums, &self.invalid, &self.counters, &self.splats, &self.layer_sums, &self.layer_values]
+            .map(Bound::Storage)
+    }
+
+    /// The films of layers.
+    pub fn layers(&self) -> &[LayerFilm] {
+        self.layout.films()
+    }
+
+    /// Records that the counters start from zero.
+    pub fn start_counting(&self, device: &Device, commands: vk::CommandBuffer) {
+        // SAFETY: the commands are being recorded.
+        unsafe { device.raw.cmd_fill_buffer(commands, self.counters.raw, 0, vk::WHOLE_SIZE, 0) };
+        device.barrier_to_shaders(commands);
+    }
+
+    /// Records that the counters are copied here.
+    pub fn stop_counting(&self, device: &Device, commands: vk::CommandBuffer) {
+        device.barrier_to_copy(commands);
+        self.counted.record(commands, &[&self.counters]);
+    }
+
+    /// What was counted, once the commands are done.
+    pub fn counted(&self) -> Counters {
+        bytemuck::pod_read_unaligned(&self.counted.bytes()[..size_of::<Counters>()])
+    }
+
+    /// The sample, row and column of the first refused sample, of all waves.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn first_invalid(&self) -> Result<Option<[u64; 3]>, VulkanError> {
+        let width = self.resolution[0] as usize;
+        let rows: Vec<Invalid> = self.invalid.read(width * self.resolution[1] as usize)?;
+        let place = |(i, row): (usize, &Invalid)| {
+            let sample = u64::from(row.first[1]) << 32 | u64::from(row.first[0]);
+            (row.count > 0).then_some([sample, (i / width) as u64, (i % width) as u64])
+        };
+        Ok(rows.iter().enumerate().filter_map(place).min())
+    }
+
+    /// Ends a wave: what the device cannot keep is fetched.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn end_wave(&mut self) -> Result<(), VulkanError> {
+        if self.mode == SplatMode::Float {
+            self.readback.fetch(&[&self.splats])?;
+            for (landed, words) in self.landed.iter_mut().zip(self.readback.bytes().chunks_exact(24)) {
+                let wave: [f32; 6] = bytemuck::pod_read_unaligned(words);
+                for c in 0..3 {
+                    landed.0[c] += f64::from(wave[c]);
+                    landed.1[c] += f64::from(wave[3 + c]);
+                }
+            }
+            self.splats.clear()?;
+        }
+        Ok(())
+    }
+
+    /// Writes the sums of the picture into `film`.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn picture(&self, film: &mut Film) -> Result<(), VulkanError> {
+        let pixels = film.sum.len();
+        self.read_sums(false, pixels, |i, sums| {
+            film.sum[i] = sums.0;
+            film.sum2[i] = sums.1;
+        })?;
+        if self.mode != SplatMode::None {
+            let landed = self.read_splats(0, 1, pixels)?;
+            let samples = film.samples;
+            for (i, landed) in landed.into_iter().enumerate() {
+                (film.sum[i], film.sum2[i]) = join(landed, (film.sum[i], film.sum2[i]), samples);
+            }
+        }
+        Ok(())
+    }
+
+    /// The sums of film `index` of the layers.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn layer(&self, index: usize, samples: u64) -> Result<Film, VulkanError> {
+        let mut film = Film { samples, ..Film::new(self.resolution[0], self.resolution[1]) };
+        let (pixels, films) = (film.sum.len(), self.layout.films().len());
+        self.read_sums(true, pixels * films, |i, sums| {
+            if i % films == index {
+                (film.sum[i / films], film.sum2[i / films]) = sums;
+            }
+        })?;
+        if self.mode != SplatMode::None && self.layout.films()[index].splats {
+            let splat_films = self.layout.films().iter().filter(|film| film.splats).count();
+            let slot = self.layout.films()[..index].iter().filter(|film| film.splats).count();
+            let landed = self.read_splats(pixels + slot, splat_films, pixels)?;
+            for (i, landed) in landed.into_iter().enumerate() {
+                (film.sum[i], film.sum2[i]) = join(landed, (film.sum[i], film.sum2[i]), samples);
+            }
+        }
+        Ok(film)
+    }
+
+    fn read_sums(
+        &self,
+        layers: bool,
+        rows: usize,
+        mut give: impl FnMut(usize, ([f64; 3], [f64; 3])),
+    ) -> Result<(), VulkanError> {
+        self.readback.fetch(&[if layers { &self.layer_sums } else { &self.sums }])?;
+        let bytes = self.readback.bytes();
+        for (i, row) in bytes.chunks_exact(size_of::<Sums>()).take(rows).enumerate() {
+            let s: Sums = bytemuck::pod_read_unaligned(row);
+            let both = |sum: [f32; 3], rest: [f32; 3]| [0, 1, 2].map(|c| f64::from(sum[c]) + f64::from(rest[c]));
+            give(i, (both(s.sum, s.sum_rest), both(s.sum2, s.sum2_rest)));
+        }
+        Ok(())
+    }
+
+    /// The sums of `count` slots from `first`, `step` apart.
+    fn read_splats(&self, first: usize, step: usize, count: usize) -> Result<Vec<Landed>, VulkanError> {
+        let slots = (0..count).map(|i| first + i * step);
+        if self.mode == SplatMode::Float {
+            return Ok(slots.map(|slot| self.landed[slot]).collect());
+        }
+        self.readback.fetch(&[&self.splats])?;
+        let bytes = self.readback.bytes();
+        let landed = |slot: usize| {
+            let words: [[u32; 4]; 6] = bytemuck::pod_read_unaligned(&bytes[slot * 96..][..96]);
+            let [a, b, c, d, e, f] = words;
+            ([a, b, c].map(sum_of_words), [d, e, f].map(squares_of_words))
+        };
+        Ok(slots.map(landed).collect())
+    }
+}

@@ -1,0 +1,103 @@
+//! The Vulkan backends.
+//!
+//! `layout` and `spirv` need no device. `instance`, `device`, `buffer` and `pipeline` are a thin layer over Vulkan: each
+//! object owns what it was made from and goes when it is dropped, and every submission is waited for, so that nothing is
+//! destroyed while it is in use.
+#![allow(unsafe_code, reason = "Vulkan is a C interface; each block says why it may be called")]
+
+mod accel;
+pub mod buffer;
+pub mod bvh;
+mod cache;
+pub mod device;
+pub mod error;
+mod films;
+pub mod instance;
+pub mod kernel;
+pub mod layout;
+mod pace;
+pub mod pipeline;
+pub mod program;
+pub mod renderer;
+mod session;
+pub mod spirv;
+mod tracing;
+pub mod upload;
+
+use super::BackendRow;
+use program::{Kind, shader_of};
+use renderer::VulkanRenderer;
+use spirv::Sources;
+
+/// The row of ray-tracing pipelines.
+pub const PIPELINE: BackendRow = BackendRow {
+    name: "vulkan",
+    doc: "A graphics device that traces rays: ray-tracing pipelines.",
+    probe: || probe(Kind::Pipeline),
+    layers: true,
+    refuses,
+    open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Pipeline, &scene, &job)?)),
+};
+
+/// The row of ray queries.
+pub const QUERY: BackendRow = BackendRow {
+    name: "vulkan-query",
+    doc: "The same device and the same code in a compute shader, by ray queries.",
+    probe: || probe(Kind::Query),
+    layers: true,
+    refuses,
+    open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Query, &scene, &job)?)),
+};
+
+/// The row of hierarchies of our own.
+pub const COMPUTE: BackendRow = BackendRow {
+    name: "vulkan-compute",
+    doc: "A graphics device that need not trace rays: a compute shader over a hierarchy of our own.",
+    probe: || probe(Kind::Compute),
+    layers: true,
+    refuses,
+    open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Compute, &scene, &job)?)),
+};
+
+fn refuses(integrator: &crate::transport::integrator::IntegratorRow) -> Option<String> {
+    let missing = shader_of(&Sources::Embedded, integrator.name).is_none();
+    missing.then(|| format!("there is no shader for the integrator `{}`", integrator.name))
+}
+
+/// The device that a kind would run on, or why none can.
+fn probe(kind: Kind) -> Result<String, String> {
+    let device = device::choose().map_err(|e| e.to_string())?;
+    match kind.lacking(&device.caps) {
+        None => Ok(device.line()),
+        Some(what) => Err(format!("{} has no {what}", device.line())),
+    }
+}
+
+/// The backend that suits this machine's device, and why; where none does, why not.
+pub fn automatic() -> Result<(&'static str, String), String> {
+    let device = device::choose().map_err(|e| e.to_string())?;
+    if device.software {
+        return Err(format!("{} is a program on the processor", device.line()));
+    }
+    let kind = [Kind::Pipeline, Kind::Compute].into_iter().find(|kind| kind.lacking(&device.caps).is_none());
+    let kind = kind.ok_or_else(|| format!("{} lacks what every backend needs", device.line()))?;
+    let why = if kind == Kind::Pipeline { "it traces rays" } else { "it computes, but does not trace rays" };
+    Ok((kind.backend(), format!("{}: {why}", device.line())))
+}
+
+/// Every device of this machine for people: its name and driver, and per kind of backend whether it can do it.
+pub fn devices() -> Vec<(String, String)> {
+    let listed = match device::list() {
+        Ok(devices) => devices,
+        Err(e) => return vec![("devices".to_owned(), e.to_string())],
+    };
+    let line = |d: &device::DeviceInfo| {
+        let able = |kind: &Kind| kind.lacking(&d.caps).is_none();
+        let can: Vec<&str> = Kind::ALL.iter().filter(|kind| able(kind)).map(|kind| kind.backend()).collect();
+        let splats = if d.caps.float_atomics { "splats by float atomics" } else { "splats in whole numbers" };
+        let sort = if d.software { "a program" } else { "hardware" };
+        let heap = error::mib(d.limits.heap);
+        (format!("device {}", d.index), format!("{}: {sort}, {heap:.0} MiB, {splats}; {}", d.line(), can.join(", ")))
+    };
+    listed.iter().map(line).collect()
+}

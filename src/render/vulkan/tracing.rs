@@ -1,0 +1,203 @@
+//! Ray-tracing pipelines and their tables of shaders.
+
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::Pod;
+
+use super::buffer::Buffer;
+use super::device::Device;
+use super::error::VulkanError;
+use super::pipeline::{Bindings, Module};
+
+/// The stages of a pipeline.
+pub const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
+    vk::ShaderStageFlags::RAYGEN_KHR.as_raw()
+        | vk::ShaderStageFlags::MISS_KHR.as_raw()
+        | vk::ShaderStageFlags::CLOSEST_HIT_KHR.as_raw()
+        | vk::ShaderStageFlags::ANY_HIT_KHR.as_raw()
+        | vk::ShaderStageFlags::INTERSECTION_KHR.as_raw(),
+);
+
+/// The compiled shaders of a pipeline.
+pub struct Shaders {
+    /// Ray generation.
+    pub generation: Vec<u32>,
+    /// Where a ray meets nothing.
+    pub miss: Vec<u32>,
+    /// Nearest hit of a triangle.
+    pub triangle: Vec<u32>,
+    /// Nearest hit of a sphere.
+    pub sphere: Vec<u32>,
+    /// Whether a hit counts, for both.
+    pub any: Vec<u32>,
+    /// Where a ray meets a sphere.
+    pub intersection: Vec<u32>,
+}
+
+/// A ray-tracing pipeline with its table: ray generation, miss, hits of triangles, hits of spheres.
+pub struct Tracing {
+    device: Arc<Device>,
+    layout: vk::PipelineLayout,
+    raw: vk::Pipeline,
+    _table: Buffer,
+    /// Ray generation, miss, hits, callables.
+    regions: [vk::StridedDeviceAddressRegionKHR; 4],
+}
+
+impl Tracing {
+    /// Makes a pipeline for a set and push constants of so many bytes.
+    ///
+    /// # Errors
+    /// When the device has no ray-tracing pipelines, or refuses a shader.
+    pub fn new(
+        device: &Arc<Device>,
+        name: &str,
+        shaders: &Shaders,
+        bindings: &Bindings,
+        push: u32,
+    ) -> Result<Tracing, VulkanError> {
+        let lacks = || VulkanError::Lacks { device: device.info.line(), needed: "ray-tracing pipelines".to_owned() };
+        let tracing = device.tracing.as_ref().ok_or_else(lacks)?;
+        let modules: Vec<(Module, vk::ShaderStageFlags)> = [
+            (&shaders.generation, vk::ShaderStageFlags::RAYGEN_KHR),
+            (&shaders.miss, vk::ShaderStageFlags::MISS_KHR),
+            (&shaders.triangle, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
+            (&shaders.sphere, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
+            (&shaders.any, vk::ShaderStageFlags::ANY_HIT_KHR),
+            (&shaders.intersection, vk::ShaderStageFlags::INTERSECTION_KHR),
+        ]
+        .into_iter()
+        .map(|(words, stage)| Ok((Module::new(device, words)?, stage)))
+        .collect::<Result<_, VulkanError>>()?;
+        let stages: Vec<_> = modules.iter().map(|(module, stage)| module.stage(*stage)).collect();
+        let group = |kind: vk::RayTracingShaderGroupTypeKHR| {
+            vk::RayTracingShaderGroupCreateInfoKHR::default()
+                .ty(kind)
+                .general_shader(vk::SHADER_UNUSED_KHR)
+                .closest_hit_shader(vk::SHADER_UNUSED_KHR)
+                .any_hit_shader(vk::SHADER_UNUSED_KHR)
+                .intersection_shader(vk::SHADER_UNUSED_KHR)
+        };
+        let groups = [
+            group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(0),
+            group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(1),
+            group(vk::RayTracingShaderGroupTypeKHR::TRIANGLES_HIT_GROUP).closest_hit_shader(2).any_hit_shader(4),
+            group(vk::RayTracingShaderGroupTypeKHR::PROCEDURAL_HIT_GROUP)
+                .closest_hit_shader(3)
+                .any_hit_shader(4)
+                .intersection_shader(5),
+        ];
+        let layout = bindings.pipeline_layout(STAGES, push)?;
+        let info = vk::RayTracingPipelineCreateInfoKHR::default()
+            .stages(&stages)
+            .groups(&groups)
+            .max_pipeline_ray_recursion_depth(1)
+            .layout(layout);
+        // SAFETY: modules and layout live through the call.
+        let made = unsafe {
+            tracing.create_ray_tracing_pipelines(vk::DeferredOperationKHR::null(), device.pipelines, &[info], None)
+        };
+        let raw = match made {
+            Ok(pipelines) => pipelines[0],
+            Err((_, result)) => {
+                // SAFETY: nothing uses the layout.
+                unsafe { device.raw.destroy_pipeline_layout(layout, None) };
+                return Err(device.failed("vkCreateRayTracingPipelinesKHR", result));
+            }
+        };
+        device.name(raw, name);
+        let table = Table::new(device, tracing, raw, groups.len());
+        match table {
+            Ok(table) => {
+                Ok(Tracing { device: Arc::clone(device), layout, raw, _table: table.buffer, regions: table.regions })
+            }
+            Err(error) => {
+                // SAFETY: nothing uses them.
+                unsafe {
+                    device.raw.destroy_pipeline(raw, None);
+                    device.raw.destroy_pipeline_layout(layout, None);
+                }
+                Err(error)
+            }
+        }
+    }
+
+    /// Records one invocation of ray generation for each of `size`.
+    pub fn trace<P: Pod>(&self, commands: vk::CommandBuffer, bindings: &Bindings, push: &P, size: [u32; 2]) {
+        let Some(tracing) = &self.device.tracing else { return };
+        let (raw, point) = (&self.device.raw, vk::PipelineBindPoint::RAY_TRACING_KHR);
+        bindings.bind(commands, point, self.layout);
+        let [generation, miss, hit, callable] = &self.regions;
+        // SAFETY: the commands are being recorded; the table was made from this pipeline, whose layout has push constants
+        // of this size.
+        unsafe {
+            raw.cmd_bind_pipeline(commands, point, self.raw);
+            raw.cmd_push_constants(commands, self.layout, STAGES, 0, bytemuck::bytes_of(push));
+            tracing.cmd_trace_rays(commands, generation, miss, hit, callable, size[0], size[1], 1);
+        }
+    }
+}
+
+impl Drop for Tracing {
+    fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
+        // SAFETY: every submission that uses the pipeline was waited for.
+        unsafe {
+            self.device.raw.destroy_pipeline(self.raw, None);
+            self.device.raw.destroy_pipeline_layout(self.layout, None);
+        }
+    }
+}
+
+/// A table of shaders, as the device wants it aligned.
+struct Table {
+    buffer: Buffer,
+    regions: [vk::StridedDeviceAddressRegionKHR; 4],
+}
+
+impl Table {
+    fn new(
+        device: &Arc<Device>,
+        tracing: &ash::khr::ray_tracing_pipeline::Device,
+        pipeline: vk::Pipeline,
+        groups: usize,
+    ) -> Result<Table, VulkanError> {
+        let limits = &device.info.limits;
+        let handle = limits.handle as usize;
+        // SAFETY: the pipeline has so many groups.
+        let handles =
+            unsafe { tracing.get_ray_tracing_shader_group_handles(pipeline, 0, groups as u32, groups * handle) }
+                .map_err(|r| device.failed("vkGetRayTracingShaderGroupHandlesKHR", r))?;
+        let stride = limits.handle.next_multiple_of(limits.handle_alignment.max(1));
+        let base = limits.base_alignment.max(1);
+        // Offsets of the four records: the two for hits follow each other, every region starts aligned.
+        let hits = 2 * stride.next_multiple_of(base);
+        let offsets = [0, stride.next_multiple_of(base), hits, hits + stride];
+        let mut bytes = vec![0u8; (hits + 2 * stride + base) as usize];
+        let usage = vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+        let buffer = Buffer::new(device, "table of shaders", bytes.len() as u64, usage)?;
+        let start = buffer.address().next_multiple_of(base);
+        let shift = start - buffer.address();
+        for (offset, handle) in offsets.iter().zip(handles.chunks_exact(handle)) {
+            let at = (offset + shift) as usize;
+            bytes[at..at + handle.len()].copy_from_slice(handle);
+        }
+        buffer.write(&bytes)?;
+        let region = |offset: u64, records: u64| {
+            vk::StridedDeviceAddressRegionKHR::default()
+                .device_address(start + offset)
+                .stride(stride)
+                .size(records * stride)
+        };
+        let regions = [
+            region(offsets[0], 1),
+            region(offsets[1], 1),
+            region(offsets[2], 2),
+            vk::StridedDeviceAddressRegionKHR::default(),
+        ];
+        Ok(Table { buffer, regions })
+    }
+}

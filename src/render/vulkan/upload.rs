@@ -1,0 +1,273 @@
+//! From a compiled scene and a job to the buffers of `shaders/scene.glsl`.
+
+use std::sync::Arc;
+
+use ash::vk;
+use glam::Vec3;
+
+use super::buffer::Buffer;
+use super::device::Device;
+use super::error::VulkanError;
+use super::layout::{self, EnvironmentRow, LightChoice};
+use super::pipeline::Bound;
+use crate::film::layer::{Layer, Layout};
+use crate::render;
+use crate::scene::CompiledScene;
+use crate::scene::compile::{self, MaskMode, Model, NONE};
+use crate::transport::camera::{Camera, FilterKind};
+use crate::transport::integrator::Settings;
+use crate::transport::light::{Lights, Select};
+use crate::transport::mis::Heuristic;
+
+/// What of a scene does not depend on the job: shared by everything that renders it.
+pub struct SceneBuffers {
+    /// Corners of the triangles, which acceleration structures are built from.
+    pub triangles: Buffer,
+    others: [Buffer; 9],
+}
+
+/// What depends on the job too.
+pub struct JobBuffers {
+    job: Buffer,
+    others: [Buffer; 4],
+}
+
+impl SceneBuffers {
+    /// Copies a scene to a device.
+    ///
+    /// # Errors
+    /// When an array or the whole is larger than the device holds.
+    pub fn new(device: &Arc<Device>, scene: &CompiledScene) -> Result<SceneBuffers, VulkanError> {
+        let plain = vk::BufferUsageFlags::empty();
+        let triangles: Vec<layout::Triangle> = scene.triangles.iter().map(triangle).collect();
+        let build = if device.accel.is_some() {
+            vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+                | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+        } else {
+            plain
+        };
+        let (textures, texels) = textures(scene);
+        let tangents: Vec<layout::Tangents> = scene
+            .tangents
+            .iter()
+            .map(|t| layout::Tangents { a: t[0].into(), b: t[1].into(), c: t[2].into() })
+            .collect();
+        let attributes: Vec<layout::TriangleAttributes> = scene.attributes.iter().map(attributes).collect();
+        let spheres: Vec<layout::Sphere> = scene.spheres.iter().map(sphere).collect();
+        let materials: Vec<layout::Material> = scene.materials.iter().map(material).collect();
+        let emitters: Vec<layout::Emitter> =
+            scene.emitters.iter().map(|e| layout::Emitter { primitive: e.primitive, area: e.area }).collect();
+        let points: Vec<layout::PointLight> = scene
+            .points
+            .iter()
+            .map(|p| layout::PointLight { position: p.position.into(), intensity: p.intensity.into() })
+            .collect();
+        let directionals: Vec<layout::DirectionalLight> = scene
+            .directionals
+            .iter()
+            .map(|d| layout::DirectionalLight { direction: d.direction.into(), irradiance: d.irradiance.into() })
+            .collect();
+        Ok(SceneBuffers {
+            triangles: Buffer::with(device, "triangles", &triangles, build)?,
+            others: [
+                Buffer::with(device, "attributes of triangles", &attributes, plain)?,
+                Buffer::with(device, "tangents", &tangents, plain)?,
+                Buffer::with(device, "spheres", &spheres, plain)?,
+                Buffer::with(device, "materials", &materials, plain)?,
+                Buffer::with(device, "textures", &textures, plain)?,
+                Buffer::with(device, "texels", &texels, plain)?,
+                Buffer::with(device, "emitters", &emitters, plain)?,
+                Buffer::with(device, "point lights", &points, plain)?,
+                Buffer::with(device, "directional lights", &directionals, plain)?,
+            ],
+        })
+    }
+}
+
+impl JobBuffers {
+    /// Copies what a job needs besides its scene.
+    ///
+    /// # Errors
+    /// When there is no memory for it.
+    pub fn new(
+        device: &Arc<Device>,
+        scene: &CompiledScene,
+        job: &render::Job,
+        layers: &Layout,
+    ) -> Result<JobBuffers, VulkanError> {
+        let plain = vk::BufferUsageFlags::empty();
+        let lights = Lights::with_select(scene, Select::of(&job.params));
+        let (rows, cells) = environment(&lights);
+        Ok(JobBuffers {
+            job: Buffer::with(device, "job", &[constants(scene, job, &lights, layers)], plain)?,
+            others: [
+                Buffer::with(device, "choice of lights", &choices(&lights), plain)?,
+                Buffer::with(device, "rows of the environment", &rows, plain)?,
+                Buffer::with(device, "cells of the environment", &cells, plain)?,
+                Buffer::with(device, "splat films", &slots(layers), plain)?,
+            ],
+        })
+    }
+}
+
+/// The first bindings of every descriptor set, in the order of `shaders/scene.glsl`.
+pub fn bound<'a>(scene: &'a SceneBuffers, job: &'a JobBuffers) -> Vec<Bound<'a>> {
+    [&job.job, &scene.triangles].into_iter().chain(&scene.others).chain(&job.others).map(Bound::Storage).collect()
+}
+
+fn triangle([a, b, c]: &[Vec3; 3]) -> layout::Triangle {
+    layout::Triangle { a: (*a).into(), b: (*b).into(), c: (*c).into() }
+}
+
+fn attributes(t: &compile::TriangleAttributes) -> layout::TriangleAttributes {
+    let [na, nb, nc] = t.normals.map(Into::into);
+    let [ta, tb, tc] = t.uvs.map(Into::into);
+    layout::TriangleAttributes { na, nb, nc, ta, tb, tc, material: t.material, emitter: t.emitter }
+}
+
+fn sphere(s: &compile::Sphere) -> layout::Sphere {
+    layout::Sphere { center: s.center.into(), radius: s.radius, material: s.material, emitter: s.emitter }
+}
+
+fn material(m: &compile::Material) -> layout::Material {
+    layout::Material {
+        base_color: m.base_color.into(),
+        emission: m.emission.into(),
+        model: match m.model {
+            Model::Disney => 0,
+            Model::Lambert => 1,
+        },
+        roughness: m.roughness,
+        metallic: m.metallic,
+        opacity: m.opacity,
+        ior: m.ior,
+        subsurface: m.subsurface,
+        specular_tint: m.specular_tint,
+        anisotropic: m.anisotropic,
+        anisotropic_direction: m.anisotropic_direction.into(),
+        sheen: m.sheen,
+        sheen_tint: m.sheen_tint,
+        clearcoat: m.clearcoat,
+        clearcoat_gloss: m.clearcoat_gloss,
+        smooth_below: m.smooth_below,
+        normal_strength: m.normal_strength,
+        mask_threshold: m.mask_threshold,
+        mask_mode: match m.mask_mode {
+            MaskMode::Threshold => 0,
+            MaskMode::Blend => 1,
+        },
+        shadow_terminator: m.shadow_terminator.into(),
+        base_color_texture: m.base_color_texture,
+        emission_texture: m.emission_texture,
+        mask_texture: m.mask_texture,
+        roughness_texture: m.roughness_texture,
+        metallic_texture: m.metallic_texture,
+        opacity_texture: m.opacity_texture,
+        anisotropic_texture: m.anisotropic_texture,
+        normal_texture: m.normal_texture,
+        tiling_scale: m.tiling.scale,
+        tiling_offset: m.tiling.offset.into(),
+        emitter_reflects: m.emitter_reflects.into(),
+    }
+}
+
+/// Textures and their texels, the environment's map last.
+fn textures(scene: &CompiledScene) -> (Vec<layout::Texture>, Vec<[f32; 3]>) {
+    let map = scene.environment.as_ref().and_then(|e| e.map.as_deref());
+    let (mut rows, mut texels) = (Vec::new(), Vec::new());
+    for t in scene.textures.iter().chain(map) {
+        rows.push(layout::Texture { first: texels.len() as u32, width: t.width, height: t.height });
+        texels.extend_from_slice(&t.texels);
+    }
+    (rows, texels)
+}
+
+/// Of every film its place among those on which splats land, or NONE.
+fn slots(layers: &Layout) -> Vec<u32> {
+    let mut next = 0..;
+    layers.films().iter().map(|film| if film.splats { next.next().unwrap_or(NONE) } else { NONE }).collect()
+}
+
+fn choices(lights: &Lights) -> Vec<LightChoice> {
+    let Some(alias) = &lights.choice else { return Vec::new() };
+    let pmf = |i: usize| alias.pmf.get(i).copied().unwrap_or(0.0);
+    let row = |(i, (own, above)): (usize, &(u32, u32))| LightChoice { own: *own, above: *above, pmf: pmf(i) };
+    alias.columns.iter().enumerate().map(row).collect()
+}
+
+fn environment(lights: &Lights) -> (Vec<EnvironmentRow>, Vec<f32>) {
+    let Some(map) = lights.surroundings.as_ref().and_then(|s| s.map.as_ref()) else { return (Vec::new(), Vec::new()) };
+    let columns = f64::from(map.texture.width);
+    let row = |(marginal, edges): (&f32, &[f64])| {
+        let (upper, lower) = (edges[0], edges[1]);
+        EnvironmentRow {
+            marginal: *marginal,
+            upper: upper as f32,
+            step: (lower - upper) as f32,
+            upper_rest: (1.0 - upper.abs()) as f32,
+            density: (columns / (std::f64::consts::TAU * (upper - lower))) as f32,
+        }
+    };
+    (map.grid.marginal.iter().zip(map.row_cos.windows(2)).map(row).collect(), map.grid.conditional.clone())
+}
+
+fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: &Layout) -> layout::Job {
+    let first = |place: Option<usize>| place.map_or(NONE, |i| i as u32);
+    let camera = Camera::new(&scene.camera, job.resolution, job.filter);
+    let settings = Settings::new(&job.params);
+    let surroundings = lights.surroundings.as_ref();
+    let map = surroundings.and_then(|s| s.map.as_ref());
+    layout::Job {
+        camera_position: camera.position.into(),
+        camera_right: camera.right.into(),
+        camera_up: camera.up.into(),
+        camera_forward: camera.forward.into(),
+        camera_half: camera.half,
+        resolution: job.resolution,
+        lens_radius: camera.lens_radius,
+        focus_distance: camera.focus_distance,
+        filter_kind: match job.filter.kind {
+            FilterKind::Box => 0,
+            FilterKind::Tent => 1,
+            FilterKind::Gauss => 2,
+            FilterKind::BlackmanHarris => 3,
+            FilterKind::AntialiasingRadius => 4,
+        },
+        filter_radius: job.filter.radius,
+        max_depth: job.max_depth,
+        rr_start: job.rr_start.unwrap_or(NONE),
+        mis: match settings.mis {
+            Some(Heuristic::Power) => 0,
+            Some(Heuristic::Balance) => 1,
+            Some(Heuristic::Uniform) => 2,
+            None => NONE,
+        },
+        all_lights: settings.all_lights.into(),
+        one_strategy: settings.one.unwrap_or([NONE; 2]),
+        keep_strategy: settings.keep.into(),
+        sampler_kind: u32::from(job.sampler.name == "sobol"),
+        seed: [job.seed as u32, (job.seed >> 32) as u32],
+        triangle_count: scene.triangles.len() as u32,
+        sphere_count: scene.spheres.len() as u32,
+        has_tangents: u32::from(!scene.tangents.is_empty()),
+        light_count: lights.count() as u32,
+        light_first: lights.first,
+        alias_shift: lights.choice.as_ref().map_or(NONE, |alias| alias.shift),
+        ball_center: lights.ball.center.into(),
+        ball_radius: lights.ball.radius,
+        has_environment: surroundings.is_some().into(),
+        environment_texture: if map.is_some() { scene.textures.len() as u32 } else { NONE },
+        environment_radiance: surroundings.map_or([0.0; 3], |s| s.radiance.into()),
+        environment_turn: map.map_or([0.0, 1.0], |m| m.turn),
+        film_count: layers.films().len() as u32,
+        light_films: layers.films().iter().filter(|film| film.layer.row().splats).count() as u32,
+        splat_films: layers.films().iter().filter(|film| film.splats).count() as u32,
+        layer_depth: first(layers.depth(1)),
+        layer_strategies: first(layers.strategy(0, 2)),
+        layer_bounces: first(layers.whole(Layer::Bounces)),
+        layer_rays: first(layers.whole(Layer::Rays)),
+        layer_albedo: first(layers.whole(Layer::Albedo)),
+        layer_normal: first(layers.whole(Layer::Normal)),
+        layer_distance: first(layers.whole(Layer::Distance)),
+    }
+}

@@ -1,0 +1,17 @@
+//! Tests that need a Vulkan device; a software driver is enough. Without one each prints `SKIPPED` with the reason and
+//! passes, unless the variable `REQUIRE_DEVICE` is `1`. Any message of the validation layer fails the test after which it
+//! is found.
+#![cfg(feature = "vulkan")]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+#[path = "common/mod.rs"]
+mod common;
+
+mod device {
+    mod faults;
+    pub mod harness;
+    mod images;
+    mod night;
+    mod parity;
+    mod twins;
+}

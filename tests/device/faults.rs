@@ -1,0 +1,123 @@
+//! What goes wrong is an error that names what was needed and what was found; nothing else is lost.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre::render::vulkan::buffer::Buffer;
+use lumbre::render::vulkan::device::{Caps, Device};
+use lumbre::render::vulkan::error::VulkanError;
+use lumbre::render::vulkan::program::Kind;
+use lumbre::render::vulkan::renderer::{VulkanRenderer, into_render_error};
+use lumbre::render::vulkan::spirv::{ShaderError, Sources};
+use lumbre::render::{Job, RenderError, Renderer};
+use lumbre::transport::integrator::integrator;
+
+use super::harness;
+use crate::common::{SceneBuilder, grey, job};
+
+fn scene() -> Arc<lumbre::scene::CompiledScene> {
+    SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0)
+        .quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, grey(0.5))
+        .environment(None, Vec3::ONE, 0.0)
+        .build()
+}
+
+fn open(device: &Arc<Device>, kind: Kind, sources: &Sources, job: &Job) -> Result<VulkanRenderer, VulkanError> {
+    VulkanRenderer::new(device, kind, sources, &scene(), job)
+}
+
+#[test]
+fn a_device_without_a_feature_says_which_one_is_needed() {
+    let Some(device) = harness::device() else { return };
+    let bare = Caps { scalar_layout: true, ..Caps::default() };
+    let bare = Device::open(device.info.clone(), bare).unwrap();
+    for (kind, what) in [(Kind::Pipeline, "ray_tracing_pipeline"), (Kind::Query, "ray_query")] {
+        let error = open(&bare, kind, &Sources::Embedded, &job([8, 8], 2, 1)).err().unwrap();
+        assert!(error.to_string().contains(what) && error.to_string().contains(&bare.info.name), "{error}");
+        assert!(matches!(into_render_error(kind, error), RenderError::Unsupported { .. }));
+    }
+    let bdpt = Job { integrator: integrator("bdpt").unwrap(), ..job([8, 8], 2, 1) };
+    let error = open(&bare, Kind::Compute, &Sources::Embedded, &bdpt).err().unwrap().to_string();
+    assert!(error.contains("shaderFloat64"), "{error}");
+    // What it can do, it still does: a grey card before a white sky.
+    let mut renderer = open(&bare, Kind::Compute, &Sources::Embedded, &job([8, 8], 2, 1)).unwrap();
+    renderer.advance(4).unwrap();
+    let mean = renderer.film().mean().at(0, 0)[0];
+    assert!((0.4..=1.0).contains(&mean), "{mean}");
+    assert!(Device::open(device.info.clone(), Caps::default()).is_err(), "nothing works without scalar layouts");
+    harness::silent();
+}
+
+#[test]
+fn a_folder_of_shaders_changes_the_picture_or_names_its_mistake() {
+    let Some(device) = harness::device() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let entry = folder.path().join("transport/integrator");
+    std::fs::create_dir_all(&entry).unwrap();
+    let file = entry.join("bpt.glsl");
+    std::fs::write(&file, "#include \"film/film.glsl\"\nvoid bpt_sample(uvec2 pixel, inout Sampler n) { oops; }\n")
+        .unwrap();
+    let sources = Sources::Folder(folder.path().to_owned());
+    let error = open(&device, Kind::Compute, &sources, &job([8, 8], 2, 1)).err().unwrap();
+    let named = error.to_string();
+    assert!(named.contains("transport/integrator/bpt.glsl:2") && named.contains("oops"), "{named}");
+    assert!(matches!(error, VulkanError::Shader(ShaderError::Invalid { .. })));
+    let constant =
+        "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u)); }";
+    std::fs::write(&file, constant).unwrap();
+    let mut renderer = open(&device, Kind::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
+    renderer.advance(3).unwrap();
+    assert!(renderer.film().mean().data.iter().all(|p| *p == [2.5; 3]));
+    assert!(renderer.film().sum2.iter().all(|p| *p == [18.75; 3]));
+    harness::silent();
+}
+
+#[test]
+fn invalid_samples_are_counted_and_the_first_is_named() {
+    let Some(device) = harness::device() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let entry = folder.path().join("transport/integrator");
+    std::fs::create_dir_all(&entry).unwrap();
+    let bad = "void bpt_sample(uvec2 pixel, inout Sampler n) {\n\
+               float odd = pixel == uvec2(5u, 6u) ? uintBitsToFloat(0x7f800000u) : 1.0;\n\
+               sink(Contribution(pixel, vec3(odd), vec3(odd), 0u, 2u)); }";
+    std::fs::write(entry.join("bpt.glsl"), bad).unwrap();
+    let sources = Sources::Folder(folder.path().to_owned());
+    let mut renderer = open(&device, Kind::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
+    let stats = renderer.advance(3).unwrap();
+    assert_eq!((stats.invalid, stats.first_invalid), (3, Some([5, 6, 0])));
+    assert_eq!(renderer.film().sum[6 * 8 + 5], [0.0; 3], "they count as black");
+    assert_eq!(renderer.film().sum[0], [3.0; 3]);
+    harness::silent();
+}
+
+#[test]
+fn what_does_not_fit_is_an_error_with_both_sizes() {
+    let Some(device) = harness::device() else { return };
+    let range = device.info.limits.storage_range;
+    let error = Buffer::new(&device, "texels", range + 4, Default::default()).err().unwrap();
+    let said = error.to_string();
+    assert!(said.contains("texels") && said.contains("MiB") && said.contains("smaller"), "{said}");
+    assert!(matches!(into_render_error(Kind::Compute, error), RenderError::Unsupported { .. }));
+    harness::silent();
+}
+
+#[test]
+fn sums_lose_nothing_over_many_samples() {
+    let Some(device) = harness::device() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let entry = folder.path().join("transport/integrator");
+    std::fs::create_dir_all(&entry).unwrap();
+    let tenth =
+        "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(0.1), vec3(0.1), 0u, 2u)); }";
+    std::fs::write(entry.join("bpt.glsl"), tenth).unwrap();
+    let sources = Sources::Folder(folder.path().to_owned());
+    let mut renderer = open(&device, Kind::Compute, &sources, &job([1, 1], 2, 1)).unwrap();
+    renderer.advance(1 << 20).unwrap();
+    let exact = f64::from(0.1f32) * f64::from(1 << 20);
+    let relative = (renderer.film().sum[0][0] / exact - 1.0).abs();
+    let plain = (0..1u32 << 20).fold(0.0f32, |s, _| s + 0.1);
+    assert!(relative < 1e-10, "{relative:e}");
+    assert!((f64::from(plain) / exact - 1.0).abs() > 1e-3, "a plain sum would have done");
+    harness::silent();
+}

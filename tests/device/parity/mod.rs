@@ -1,0 +1,249 @@
+//! Function parity: a shader runs a GLSL twin over many inputs, and what it says is compared with the Rust original.
+//!
+//! To add a twin: write `tests/device/parity/NAME.comp` and a row in `tests/device/twins/`. The file has neither
+//! `#version` nor `main`; it includes its twin and says
+//!
+//! ```glsl
+//! #include "math/rng.glsl"
+//! void twin() {
+//!     uvec4 v = uvec4(in_word(), in_word(), in_word(), in_word());
+//!     out_words(pcg4d(v));
+//! }
+//! ```
+//!
+//! `in_word`, `in_float`, `in_vec2`, `in_vec3`, `in_vec4` take the next words of this invocation's row of inputs;
+//! `out_word`, `out_words`, `out_float`, `out_vec2`, `out_vec3`, `out_vec4` give its next words of output. What
+//! `shaders/scene.glsl` declares holds the row's scene and job.
+//!
+//! The row's Rust function takes the same words from a [`Row`], and pushes the same words.
+
+use std::sync::Arc;
+
+use lumbre::film::layer::Layout;
+use lumbre::render::Job;
+use lumbre::render::vulkan::kernel;
+use lumbre::render::vulkan::spirv::Sources;
+use lumbre::render::vulkan::upload::{JobBuffers, SceneBuffers};
+use lumbre::scene::CompiledScene;
+
+use super::harness;
+use super::twins::TWINS;
+
+/// How near a word of output must come to that of the original.
+#[derive(Clone, Copy, Debug)]
+pub enum Near {
+    /// The same bits.
+    Bits,
+    /// A float within an absolute error, or a relative one, whichever is larger. NaN equals NaN.
+    Float {
+        /// Greatest absolute error.
+        absolute: f32,
+        /// Greatest relative error.
+        relative: f32,
+    },
+}
+
+/// One row of [`TWINS`].
+pub struct Twin {
+    /// The shader `tests/device/parity/NAME.comp`.
+    pub name: &'static str,
+    /// Its text.
+    pub text: &'static str,
+    /// What is bound.
+    pub scene: fn() -> (Arc<CompiledScene>, Job),
+    /// Words of a row of inputs.
+    pub in_words: usize,
+    /// The inputs, row after row.
+    pub inputs: fn() -> Vec<u32>,
+    /// The Rust original.
+    pub original: fn(&CompiledScene, &Job, &mut Row),
+    /// How near each word of a row of output must come.
+    pub near: &'static [Near],
+    /// The largest share of rows that may be further off, because they fall on the other side of a branch.
+    pub strays: f64,
+    /// Why the tolerance is what it is.
+    pub why: &'static str,
+}
+
+/// A row of inputs that is being read, and a row of outputs that is being written.
+pub struct Row<'a> {
+    inputs: std::slice::Iter<'a, u32>,
+    outputs: Vec<u32>,
+}
+
+impl<'a> Row<'a> {
+    /// A row of these inputs.
+    pub fn new(inputs: &'a [u32]) -> Row<'a> {
+        Row { inputs: inputs.iter(), outputs: Vec::new() }
+    }
+}
+
+impl Row<'_> {
+    /// The next word.
+    pub fn word(&mut self) -> u32 {
+        *self.inputs.next().expect("more inputs are taken than a row has")
+    }
+
+    /// The next float.
+    pub fn float(&mut self) -> f32 {
+        f32::from_bits(self.word())
+    }
+
+    /// The next floats.
+    pub fn floats<const N: usize>(&mut self) -> [f32; N] {
+        std::array::from_fn(|_| self.float())
+    }
+
+    /// Answers a word.
+    pub fn push(&mut self, word: u32) {
+        self.outputs.push(word);
+    }
+
+    /// Answers words.
+    pub fn push_words(&mut self, words: impl IntoIterator<Item = u32>) {
+        self.outputs.extend(words);
+    }
+
+    /// Answers floats.
+    pub fn push_floats(&mut self, floats: impl IntoIterator<Item = f32>) {
+        self.outputs.extend(floats.into_iter().map(f32::to_bits));
+    }
+}
+
+impl Near {
+    fn holds(self, twin: u32, original: u32) -> bool {
+        match self {
+            Near::Bits => twin == original,
+            Near::Float { absolute, relative } => {
+                let (twin, original) = (f32::from_bits(twin), f32::from_bits(original));
+                let allowed = absolute.max(relative * original.abs());
+                let near = original.is_finite() && (twin - original).abs() <= allowed;
+                near || twin == original || (twin.is_nan() && original.is_nan())
+            }
+        }
+    }
+
+    fn shown(self, word: u32) -> String {
+        match self {
+            Near::Bits => format!("{word:#010x}"),
+            Near::Float { .. } => format!("{:e}", f32::from_bits(word)),
+        }
+    }
+}
+
+/// What is wrong with a twin, in lines for people; empty if nothing.
+fn differences(twin: &Twin, inputs: &[u32], answers: &[u32], scene: &CompiledScene, job: &Job) -> Vec<String> {
+    let rows = inputs.len() / twin.in_words;
+    let mut wrong = Vec::new();
+    for (i, (input, answer)) in inputs.chunks(twin.in_words).zip(answers.chunks(twin.near.len())).enumerate() {
+        let mut row = Row::new(input);
+        (twin.original)(scene, job, &mut row);
+        if row.outputs.len() != twin.near.len() {
+            return vec![format!("{} words of the original instead of {}", row.outputs.len(), twin.near.len())];
+        }
+        let far = |((near, a), b): ((&Near, &u32), &u32)| !near.holds(*a, *b);
+        if let Some(word) = twin.near.iter().zip(answer).zip(&row.outputs).position(far) {
+            let (shown, inputs) =
+                (|w: u32| twin.near[word].shown(w), input.iter().map(|w| format!("{:e}", f32::from_bits(*w))));
+            wrong.push(format!(
+                "row {i}, word {word}: {} instead of {}; inputs {}",
+                shown(answer[word]),
+                shown(row.outputs[word]),
+                inputs.collect::<Vec<_>>().join(" ")
+            ));
+        }
+    }
+    if wrong.len() as f64 <= twin.strays * rows as f64 {
+        wrong.clear();
+    }
+    wrong
+}
+
+#[test]
+fn every_twin_says_what_its_original_says() {
+    let Some(device) = harness::device() else { return };
+    let mut failed = Vec::new();
+    for &twin in TWINS {
+        let (scene, job) = (twin.scene)();
+        let buffers = (
+            SceneBuffers::new(&device, &scene).unwrap(),
+            JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
+        );
+        let inputs = (twin.inputs)();
+        assert!(!inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words), "{}: inputs", twin.name);
+        let words = [twin.in_words, twin.near.len()];
+        let name = format!("{}.comp", twin.name);
+        let answers = kernel::compile(&Sources::Embedded, &name, twin.text, words[0], words[1])
+            .and_then(|spirv| kernel::run(&device, (&buffers.0, &buffers.1), &spirv, &inputs, words))
+            .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
+        let wrong = differences(twin, &inputs, &answers, &scene, &job);
+        if !wrong.is_empty() {
+            let rows = inputs.len() / twin.in_words;
+            let shown = wrong[..wrong.len().min(5)].join("\n  ");
+            failed.push(format!("{}: {} of {rows} rows ({}):\n  {shown}", twin.name, wrong.len(), twin.why));
+        }
+    }
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+    harness::silent();
+}
+
+#[test]
+fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/device/parity");
+    let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let mut shaders: Vec<String> = files
+        .filter(|p| p.extension().is_some_and(|e| e == "comp"))
+        .map(|p| p.file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    shaders.sort();
+    let mut rows: Vec<String> = TWINS.iter().map(|t| t.name.to_owned()).collect();
+    rows.sort();
+    rows.dedup();
+    assert_eq!(shaders, rows);
+    assert!(TWINS.iter().all(|t| t.why.len() > 10 && (0.0..0.05).contains(&t.strays)));
+}
+
+#[test]
+fn a_twin_that_is_wrong_is_found() {
+    let Some(device) = harness::device() else { return };
+    let twin = Twin { text: "void twin() { out_word(in_word() + 1u); }", ..ECHO };
+    let (scene, job) = (twin.scene)();
+    let buffers = (
+        SceneBuffers::new(&device, &scene).unwrap(),
+        JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
+    );
+    let inputs = (twin.inputs)();
+    let wrong = |text: &str| {
+        let spirv = kernel::compile(&Sources::Embedded, "echo.comp", text, 1, 1).unwrap();
+        let answers = kernel::run(&device, (&buffers.0, &buffers.1), &spirv, &inputs, [1, 1]).unwrap();
+        differences(&twin, &inputs, &answers, &scene, &job).len()
+    };
+    assert_eq!(wrong(twin.text), inputs.len());
+    assert_eq!(wrong("void twin() { out_word(in_word()); }"), 0);
+}
+
+#[test]
+fn tolerances_are_absolute_or_relative_and_know_nan() {
+    let near = Near::Float { absolute: 0.1, relative: 0.01 };
+    let holds = |a: f32, b: f32| near.holds(a.to_bits(), b.to_bits());
+    assert!(
+        holds(0.05, 0.0) && holds(100.9, 100.0) && holds(f32::NAN, f32::NAN) && holds(f32::INFINITY, f32::INFINITY)
+    );
+    assert!(!holds(0.2, 0.0) && !holds(102.0, 100.0) && !holds(f32::NAN, 0.0) && !holds(0.0, f32::INFINITY));
+}
+
+/// A twin that answers what it is asked.
+const ECHO: Twin = Twin {
+    name: "echo",
+    text: "",
+    scene: super::twins::plain,
+    in_words: 1,
+    inputs: || (0..100).collect(),
+    original: |_, _, row| {
+        let echo: [f32; 1] = row.floats();
+        row.push_floats(echo);
+    },
+    near: &[Near::Bits],
+    strays: 0.0,
+    why: "words are words",
+};

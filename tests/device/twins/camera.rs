@@ -1,0 +1,127 @@
+//! Pixel filters and the camera.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre::render::Job;
+use lumbre::scene::CompiledScene;
+use lumbre::transport::camera::{Camera, CameraConnection, FilterKind, FilterSpec};
+
+use super::{CLOSE, Dice, SAME};
+use crate::common::{SceneBuilder, grey, job};
+use crate::device::parity::{Near, Row, Twin};
+
+const KINDS: [FilterKind; 5] =
+    [FilterKind::Box, FilterKind::Tent, FilterKind::Gauss, FilterKind::BlackmanHarris, FilterKind::AntialiasingRadius];
+
+/// Offsets in pixels: a ten thousandth of one cannot be seen.
+const OFFSET: Near = Near::Float { absolute: 1e-4, relative: 1e-5 };
+const DENSITY: Near = Near::Float { absolute: 2e-6, relative: 1e-4 };
+
+/// All pixel filters.
+pub const FILTER: Twin = Twin {
+    name: "filter",
+    text: include_str!("../parity/filter.comp"),
+    scene: super::plain,
+    in_words: 7,
+    inputs: || {
+        Dice::rows(6000, |d, i| {
+            let radius = [0.0, 0.5, 1.25, 2.0, 0.3][d.word() as usize % 5];
+            let u = match i % 16 {
+                0 => [0.0, 0.5],
+                1 => [0.999_999_94, 5.960_464_5e-8],
+                _ => [d.unit(), d.unit()],
+            };
+            let (x, q, pick) = (d.between(-3.0, 3.0) * radius, d.between(-3.0, 10.0), d.unit());
+            d.put_word(i % 5);
+            d.put([radius]);
+            d.put(u);
+            d.put([x, q, pick]);
+        })
+    },
+    original: |_, _, row| {
+        let kind = KINDS[row.word() as usize];
+        let [radius] = row.floats();
+        let f = FilterSpec { kind, radius };
+        let u = row.floats();
+        let [x, q, pick] = row.floats();
+        row.push_floats(f.sample(u));
+        row.push_floats([f.density(x), f.reach()]);
+        let chosen = f.choose(q, 7, pick);
+        row.push(u32::from(chosen.is_some()));
+        row.push(chosen.map_or(0, |c| c.0));
+        row.push_floats([chosen.map_or(0.0, |c| c.1)]);
+    },
+    near: &[OFFSET, OFFSET, DENSITY, CLOSE, SAME, SAME, DENSITY],
+    strays: 0.01,
+    why: "logarithms differ in their last digits; a place on the border of two pixels may fall to either, and at the very \
+          ends of the Blackman-Harris window, where its density vanishes, single precision cannot tell places apart",
+};
+
+/// A lens, and a filter that reaches far.
+fn lens() -> (Arc<CompiledScene>, Job) {
+    let builder = SceneBuilder::new(Vec3::new(0.5, 1.0, 3.0), Vec3::ZERO, 50.0).with(|s| {
+        s.camera.aperture = 0.4;
+        s.camera.focus_distance = Some(2.5);
+    });
+    let scene = builder.quad(-Vec3::ONE, Vec3::X, Vec3::Y, grey(0.5)).build();
+    let filter = FilterSpec { kind: FilterKind::Tent, radius: 1.5 };
+    (scene, Job { filter, ..job([64, 36], 5, 3) })
+}
+
+fn put(c: Option<CameraConnection>, row: &mut Row) {
+    row.push(u32::from(c.is_some()));
+    row.push_words(c.map_or([0; 2], |c| c.pixel));
+    row.push_floats(c.map_or(Vec3::ZERO, |c| c.lens).to_array());
+    row.push_floats(c.map_or(Vec3::ZERO, |c| c.dir).to_array());
+    row.push_floats(c.map_or([0.0; 3], |c| [c.distance, c.importance, c.pdf_w]));
+}
+
+const NEAR: [Near; 31] = {
+    let mut near = [Near::Float { absolute: 2e-6, relative: 2e-4 }; 31];
+    let whole = [7, 8, 9, 19, 20, 21];
+    let mut i = 0;
+    while i < whole.len() {
+        near[whole[i]] = SAME;
+        i += 1;
+    }
+    near
+};
+
+/// Rays of a thin lens, and points joined to it.
+pub const CAMERA: Twin = Twin {
+    name: "camera",
+    text: include_str!("../parity/camera.comp"),
+    scene: lens,
+    in_words: 13,
+    inputs: || {
+        Dice::rows(4000, |d, i| {
+            let pixel = [d.word() % 64, d.word() % 36];
+            let point = d.vector(2.0);
+            let towards = (point - Vec3::new(0.5, 1.0, 3.0)).normalize_or(Vec3::X);
+            let dir = if i.is_multiple_of(3) { d.direction() } else { towards };
+            let numbers = [d.unit(), d.unit(), d.unit(), d.unit()];
+            pixel.into_iter().for_each(|p| d.put_word(p));
+            d.put_word(i);
+            d.put(point.to_array());
+            d.put(dir.to_array());
+            d.put(numbers);
+        })
+    },
+    original: |scene, job, row| {
+        let pixel = [row.word(), row.word()];
+        let index = row.word();
+        let [point, dir]: [Vec3; 2] = [(); 2].map(|()| Vec3::from_array(row.floats()));
+        let (lens_u, filter_u) = (row.floats(), row.floats());
+        let camera = Camera::new(&scene.camera, job.resolution, job.filter);
+        let ray = camera.sample_ray(pixel, &mut (job.sampler.start)(job.seed, pixel, u64::from(index)));
+        row.push_floats(ray.origin.to_array());
+        row.push_floats(ray.dir.to_array());
+        row.push_floats([camera.pdf_w(dir)]);
+        put(camera.connect(point, lens_u, filter_u), row);
+        put(camera.connect_direction(dir, lens_u, filter_u), row);
+    },
+    near: &NEAR,
+    strays: 0.01,
+    why: "a few roundings; a place on the border of two pixels may fall to either, and weights vanish at the filter's end",
+};

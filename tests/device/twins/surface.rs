@@ -1,0 +1,247 @@
+//! Surfaces with all that textures do to them, and their BSDFs.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3, Vec4};
+use lumbre::render::Job;
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture, UvMap};
+use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::ray::{Hit, Ray};
+use lumbre::transport::surface::{Surface, coverage, is_masked_out};
+
+use super::{CLOSE, Dice, SAME};
+use crate::common::{SceneBuilder, WHITE, job};
+use crate::device::parity::{Near, Row, Twin};
+
+/// Triangles, then spheres.
+const TRIANGLES: u32 = 240;
+const SPHERES: u32 = 24;
+
+/// A texture or none.
+fn maybe(d: &mut Dice, texture: u32) -> u32 {
+    if d.word().is_multiple_of(4) { texture } else { NONE }
+}
+
+/// A material with parameters from all over their ranges, corners above all.
+fn material(d: &mut Dice, textures: u32) -> Material {
+    let ideal = d.word().is_multiple_of(5);
+    let texture = |d: &mut Dice| {
+        let index = d.word() % textures;
+        maybe(d, index)
+    };
+    Material {
+        model: if ideal { Model::Lambert } else { Model::Disney },
+        base_color: Vec3::from_array(std::array::from_fn(|_| d.part())),
+        emission: if d.word().is_multiple_of(4) { Vec3::new(1.0, 2.0, 3.0) } else { Vec3::ZERO },
+        roughness: [d.part(), d.between(0.0, 0.1)][d.word() as usize % 2],
+        metallic: d.part(),
+        opacity: d.part(),
+        ior: [1.0, 1.001, 1.5, 2.5, 0.7][d.word() as usize % 5],
+        subsurface: d.part(),
+        specular_tint: d.part(),
+        anisotropic: d.part(),
+        anisotropic_direction: if d.word().is_multiple_of(3) { d.direction() } else { Vec3::ZERO },
+        sheen: d.part(),
+        sheen_tint: d.part(),
+        clearcoat: d.part(),
+        clearcoat_gloss: d.part(),
+        normal_strength: d.between(0.2, 2.0),
+        mask_threshold: 0.4,
+        mask_mode: if d.word().is_multiple_of(2) { MaskMode::Threshold } else { MaskMode::Blend },
+        shadow_terminator: d.word().is_multiple_of(2),
+        base_color_texture: texture(d),
+        emission_texture: texture(d),
+        mask_texture: texture(d),
+        roughness_texture: texture(d),
+        metallic_texture: texture(d),
+        opacity_texture: texture(d),
+        anisotropic_texture: texture(d),
+        normal_texture: texture(d),
+        tiling: UvMap {
+            scale: [1.0, 3.5, -2.0][d.word() as usize % 3],
+            offset: Vec2::new(d.between(-2.0, 2.0), d.between(-2.0, 2.0)),
+        },
+        ..WHITE
+    }
+}
+
+/// A scene of one triangle or sphere for each of many materials.
+fn zoo() -> (Arc<CompiledScene>, Job) {
+    let mut d = Dice { count: 1 << 20, words: Vec::new() };
+    let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
+    for size in [[4, 3], [1, 1], [7, 2]] {
+        let texels = (0..size[0] * size[1]).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        builder.texture(Texture { width: size[0], height: size[1], texels });
+    }
+    for _ in 0..TRIANGLES {
+        let corners = [(); 3].map(|()| d.vector(2.0));
+        let uvs = [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.between(-1.5, 1.5)));
+        let m = material(&mut d, 3);
+        builder = builder.triangle(corners, uvs, m);
+    }
+    for _ in 0..SPHERES {
+        let (center, radius) = (d.vector(2.0), d.between(0.1, 2.0));
+        let m = material(&mut d, 3);
+        builder = builder.sphere(center, radius, m);
+    }
+    let scene = builder.with(|s| {
+        for a in &mut s.attributes {
+            a.normals = a.normals.map(|n| (n + d.vector(0.7)).normalize_or(n));
+        }
+        s.tangents = (0..TRIANGLES)
+            .map(|_| [(); 3].map(|()| d.direction().extend(if d.word().is_multiple_of(2) { 1.0 } else { -1.0 })))
+            .collect();
+        s.tangents[5] = [Vec4::ZERO; 3];
+    });
+    (scene.build(), job([8, 8], 3, 1))
+}
+
+/// Words of a hit and a direction that leaves it: primitive, uv, origin, dir, t, wi.
+fn put_hit(scene: &CompiledScene, d: &mut Dice) {
+    let primitive = d.word() % (TRIANGLES + SPHERES);
+    let (v, w) = (d.unit(), d.unit());
+    let uv = if v + w > 1.0 { [1.0 - v, 1.0 - w] } else { [v, w] };
+    let (dir, t, wi) = (d.direction(), d.between(0.1, 3.0), d.direction());
+    let origin = match primitive.checked_sub(TRIANGLES) {
+        Some(i) => {
+            let ball = &scene.spheres[i as usize];
+            ball.center + d.direction() * ball.radius - dir * t
+        }
+        None => d.vector(2.0),
+    };
+    d.put_word(primitive);
+    d.put(uv);
+    d.put(origin.to_array());
+    d.put(dir.to_array());
+    d.put([t]);
+    d.put(wi.to_array());
+}
+
+fn take_hit(row: &mut Row) -> (Ray, Hit, Vec3) {
+    let primitive = row.word();
+    let uv = row.floats();
+    let ray = Ray { origin: Vec3::from_array(row.floats()), dir: Vec3::from_array(row.floats()) };
+    let [t] = row.floats();
+    (ray, Hit { t, primitive, uv }, Vec3::from_array(row.floats()))
+}
+
+/// Rows of a hit, a direction, a mode and three sample numbers. Every other direction is one that the BSDF samples, since
+/// others hardly meet a narrow lobe.
+fn scattering() -> Vec<u32> {
+    let (scene, _) = zoo();
+    Dice::rows(6000, |d, i| {
+        let start = d.words.len();
+        put_hit(&scene, d);
+        let mode = d.word() % 2;
+        let numbers = [d.unit(), d.unit(), d.unit()];
+        d.put_word(mode);
+        d.put(numbers);
+        if i.is_multiple_of(2) {
+            let mut row = Row::new(&d.words[start..]);
+            let (ray, hit, _) = take_hit(&mut row);
+            let bsdf = Bsdf::new(&Surface::at(&scene, &ray, &hit), &scene.textures);
+            if let Some(s) = bsdf.sample(-ray.dir, numbers[0], [numbers[1], numbers[2]], mode_of(mode)) {
+                d.words[start + 10..start + 13].copy_from_slice(&s.wi.to_array().map(f32::to_bits));
+            }
+        }
+    })
+}
+
+fn mode_of(word: u32) -> Mode {
+    if word == 0 { Mode::Radiance } else { Mode::Importance }
+}
+
+/// A few roundings of numbers of a few units.
+const ROUGHLY: Near = Near::Float { absolute: 1e-5, relative: 1e-5 };
+
+/// From a hit to its surface.
+pub const SURFACE: Twin = Twin {
+    name: "surface",
+    text: include_str!("../parity/surface.comp"),
+    scene: zoo,
+    in_words: 13,
+    inputs: || {
+        let (scene, _) = zoo();
+        Dice::rows(6000, |d, _| put_hit(&scene, d))
+    },
+    original: |scene, _, row| {
+        let (ray, hit, wi) = take_hit(row);
+        let s = Surface::at(scene, &ray, &hit);
+        row.push(scene.material_of(hit.primitive));
+        row.push(s.emitter);
+        row.push(u32::from(s.overhang.is_some()));
+        for v in [s.position, s.n_geometric, s.n_shading, s.tangent] {
+            row.push_floats(v.to_array());
+        }
+        row.push_floats(s.uv.to_array());
+        row.push_floats(s.overhang.map_or(Vec3::ZERO, |o| o.crest).to_array());
+        row.push_floats(s.base_color(&scene.textures).to_array());
+        row.push_floats(s.emitted(&scene.textures, -ray.dir).to_array());
+        row.push_floats(s.spawn(wi).origin.to_array());
+        row.push_floats([coverage(&scene.textures, s.material, s.uv)]);
+        row.push(u32::from(is_masked_out(scene, &ray, &hit)));
+    },
+    near: &[
+        SAME, SAME, SAME, CLOSE, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
+        ROUGHLY, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
+        ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, SAME,
+    ],
+    strays: 0.0005,
+    why: "positions and colours are sums of three products; normals of thin triangles lose digits to cancellation, and a \
+          mask or a side may be decided differently by one rounding",
+};
+
+const STEEP: Near = Near::Float { absolute: 1e-5, relative: 2e-3 };
+
+/// Values and densities of BSDFs.
+pub const BSDF: Twin = Twin {
+    name: "bsdf",
+    text: include_str!("../parity/bsdf.comp"),
+    scene: zoo,
+    in_words: 17,
+    inputs: scattering,
+    original: |scene, _, row| {
+        let (ray, hit, wi) = take_hit(row);
+        let mode = mode_of(row.word());
+        let bsdf = Bsdf::new(&Surface::at(scene, &ray, &hit), &scene.textures);
+        let value = bsdf.evaluate(-ray.dir, wi, mode);
+        row.push(u32::from(bsdf.has_density()));
+        row.push_floats(value.f.to_array());
+        row.push_floats([value.pdf_w, value.reverse_pdf_w]);
+        row.push_floats(bsdf.eval(-ray.dir, wi, mode).to_array());
+        row.push_floats([bsdf.pdf_w(-ray.dir, wi)]);
+    },
+    near: &[SAME, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP],
+    strays: 0.0005,
+    why: "the narrowest lobes turn one rounding of a direction into a thousandth of their density, and at the rim of a \
+          surface one rounding decides which side a direction is on",
+};
+
+const DIRECTION: Near = Near::Float { absolute: 2e-4, relative: 0.0 };
+const WEIGHT: Near = Near::Float { absolute: 1e-3, relative: 5e-3 };
+
+/// Directions sampled from BSDFs.
+pub const BSDF_SAMPLE: Twin = Twin {
+    name: "bsdf_sample",
+    text: include_str!("../parity/bsdf_sample.comp"),
+    scene: zoo,
+    in_words: 17,
+    inputs: scattering,
+    original: |scene, _, row| {
+        let (ray, hit, _) = take_hit(row);
+        let mode = mode_of(row.word());
+        let [u, v, w] = row.floats();
+        let bsdf = Bsdf::new(&Surface::at(scene, &ray, &hit), &scene.textures);
+        let sample = bsdf.sample(-ray.dir, u, [v, w], mode);
+        row.push(u32::from(sample.is_some()));
+        row.push(u32::from(sample.is_some_and(|s| s.delta)));
+        row.push_floats(sample.map_or(Vec3::ZERO, |s| s.wi).to_array());
+        row.push_floats(sample.map_or(Vec3::ZERO, |s| s.weight).to_array());
+        row.push_floats(sample.map_or([0.0; 2], |s| [s.pdf_w, s.eta]));
+    },
+    near: &[SAME, SAME, DIRECTION, DIRECTION, DIRECTION, WEIGHT, WEIGHT, WEIGHT, WEIGHT, CLOSE],
+    strays: 0.0005,
+    why: "a direction is the root of what sample numbers leave of one, so a rounding of a number becomes the root of a \
+          rounding where the root is near zero; densities of narrow lobes are steep about it",
+};
