@@ -12,6 +12,8 @@ mod nights;
 #[path = "cli/reading.rs"]
 mod reading;
 #[cfg(unix)]
+#[path = "cli/references.rs"]
+mod references;
 #[path = "cli/signals.rs"]
 mod signals;
 #[path = "cli/verify.rs"]

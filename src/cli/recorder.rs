@@ -1,5 +1,6 @@
 //! The sink that keeps results: it hears the night and fills the run folders.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -8,6 +9,7 @@ use tracing::Level as LogLevel;
 
 use super::log::Log;
 use crate::experiment::event::Level;
+use crate::experiment::floors::{Floors, net_columns, net_values};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
@@ -16,7 +18,7 @@ use crate::film::{Film, Image};
 use crate::output::{exr, layer, plot, png};
 use crate::render::OpenStats;
 use crate::scene::desc::content_hash;
-use crate::store::{FILMS, RunWriter, Store, StoreError, utc};
+use crate::store::{FILMS, HALVES, NOISE, RunWriter, Store, StoreError, utc};
 
 /// What wrote the files.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -27,6 +29,8 @@ pub struct Recorder<'a> {
     plan: Arc<Plan>,
     log: Log,
     current: Option<Current>,
+    /// The noise floors of the plan's references, as far as they were told.
+    floors: BTreeMap<usize, Floors>,
     env_written: bool,
 }
 
@@ -36,6 +40,10 @@ struct Current {
     writer: RunWriter,
     open: OpenStats,
     facts: Facts,
+    /// The noise floors of what it is measured against.
+    floors: Floors,
+    /// Samples of the two halves, once they are written.
+    halves: Option<[u64; 2]>,
 }
 
 /// What every picture of a run says about itself.
@@ -64,7 +72,7 @@ impl Facts {
 impl<'a> Recorder<'a> {
     /// A recorder of one night of `plan`.
     pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log) -> Recorder<'a> {
-        Recorder { store, plan, log, current: None, env_written: false }
+        Recorder { store, plan, log, current: None, floors: BTreeMap::new(), env_written: false }
     }
 
     fn start(&mut self, cell: CellRef, open: &OpenStats, measured: bool) -> Result<(), SinkError> {
@@ -73,8 +81,12 @@ impl<'a> Recorder<'a> {
             self.env_written = true;
         }
         let mut writer = self.store.start(&self.plan, cell).map_err(lost)?;
-        if let CellRef::Cell(_) = cell {
-            let columns = if measured { self.plan.columns() } else { Vec::new() };
+        let mut floors = Floors::default();
+        if let CellRef::Cell(i) = cell {
+            let known = self.plan.cells[i].reference.and_then(|r| self.floors.get(&r));
+            floors = known.filter(|_| measured).cloned().unwrap_or_default();
+            let mut columns = if measured { self.plan.columns() } else { Vec::new() };
+            columns.extend(net_columns(&self.plan, &floors).into_iter().map(|(_, name)| name));
             let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
             writer.open_metrics(&columns).map_err(lost)?;
         }
@@ -82,7 +94,7 @@ impl<'a> Recorder<'a> {
         self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
         let facts = self.facts(cell, open);
         let fields = json!({ "run": facts.run, "path": self.path(cell), "device": open.device });
-        self.current = Some(Current { cell, writer, open: open.clone(), facts });
+        self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
         self.tell("cell_started", &fields);
         Ok(())
     }
@@ -91,7 +103,7 @@ impl<'a> Recorder<'a> {
         let (seed, scene) = match cell {
             CellRef::Cell(i) => (self.plan.cells[i].seed, Some(&self.plan.cells[i].scene)),
             CellRef::Reference(i) => match &self.plan.references[i].source {
-                ReferenceSource::Render { seed, scene, .. } => (*seed, Some(scene)),
+                ReferenceSource::Render { seeds, scene, .. } => (seeds[0], Some(scene)),
                 ReferenceSource::File(_) => (0, None),
             },
         };
@@ -117,7 +129,9 @@ impl<'a> Recorder<'a> {
         if let CellRef::Reference(_) = cell {
             return Ok(());
         }
-        current.writer.append_row(row).map_err(lost)?;
+        let net = net_values(&self.plan, &current.floors, &row.metrics);
+        let metrics = row.metrics.iter().copied().chain(net).collect();
+        current.writer.append_row(&WaveRow { metrics, ..row.clone() }).map_err(lost)?;
         if keep {
             let metadata = current.facts.metadata(row.samples, row.render_s);
             let bytes = exr::encode(image, &metadata).map_err(failed)?;
@@ -137,7 +151,7 @@ impl<'a> Recorder<'a> {
         let Some(current) = self.current.take_if(|c| c.cell == cell) else {
             return Err(SinkError("the run ended before it was started".to_owned()));
         };
-        let Current { writer, open, facts, .. } = current;
+        let Current { writer, open, facts, floors, halves, .. } = current;
         let last = rows.last().cloned().unwrap_or_default();
         let metadata = facts.metadata(film.samples, last.render_s);
         let image = film.mean();
@@ -155,6 +169,15 @@ impl<'a> Recorder<'a> {
         self.keep_layers(cell, &writer, layers, &metadata)?;
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
+        if !floors.is_empty() {
+            done["floors"] = self.by_column(floors.iter().copied());
+            let net = net_columns(&self.plan, &floors).into_iter().map(|(_, name)| name);
+            let values = net_values(&self.plan, &floors, &last.metrics);
+            done["net"] = net.zip(values.into_iter().map(number)).collect::<serde_json::Map<_, _>>().into();
+        }
+        if let Some(halves) = halves {
+            done["halves"] = halves.to_vec().into();
+        }
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
@@ -187,11 +210,43 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Writes the halves of the reference that is being filled, and its standard error.
+    fn halves(&mut self, reference: usize, halves: &[Arc<Film>; 2]) -> Result<(), SinkError> {
+        let Some(current) = self.current.as_mut().filter(|c| c.cell == CellRef::Reference(reference)) else {
+            return Err(SinkError("halves of a reference that was never started".to_owned()));
+        };
+        let seeds = match &self.plan.references[reference].source {
+            ReferenceSource::Render { seeds, .. } => *seeds,
+            ReferenceSource::File(_) => [0; 2],
+        };
+        let metadata = |samples: u64, seed: u64| {
+            let mut facts = current.facts.metadata(samples, 0.0);
+            facts.retain(|(key, _)| key != "render_s" && key != "seed");
+            facts.push(("seed".to_owned(), seed.to_string()));
+            facts
+        };
+        for ((half, seed), name) in halves.iter().zip(seeds).zip(HALVES) {
+            let bytes = exr::encode(&half.mean(), &metadata(half.samples, seed)).map_err(failed)?;
+            current.writer.write(name, &bytes).map_err(lost)?;
+        }
+        let joint = Film::pooled(&halves[0], &halves[1]);
+        let mut noise = joint.variance_of_mean();
+        noise.data.as_flattened_mut().iter_mut().for_each(|x| *x = x.sqrt());
+        let mut facts = metadata(joint.samples, seeds[0]);
+        facts.push(("shows".to_owned(), "standard error of each pixel's mean".to_owned()));
+        current.writer.write(NOISE, &exr::encode(&noise, &facts).map_err(failed)?).map_err(lost)?;
+        current.halves = Some([halves[0].samples, halves[1].samples]);
+        Ok(())
+    }
+
     fn metrics(&self, row: &WaveRow) -> Json {
-        let columns = self.plan.columns();
-        // JSON has no infinities: they are text, as everywhere in Lumbre.
-        let number = |x: &f64| serde_json::Number::from_f64(*x).map_or_else(|| json!(x.to_string()), Json::Number);
-        columns.into_iter().zip(row.metrics.iter().map(number)).collect::<serde_json::Map<_, _>>().into()
+        self.by_column(row.metrics.iter().copied().map(Some))
+    }
+
+    /// Values in the order of the plan's columns, by their names; what is not known is left out.
+    fn by_column(&self, values: impl Iterator<Item = Option<f64>>) -> Json {
+        let named = self.plan.columns().into_iter().zip(values);
+        named.filter_map(|(column, x)| Some((column, number(x?)))).collect::<serde_json::Map<_, _>>().into()
     }
 
     fn finished_fields(&self, cell: CellRef, outcome: &Outcome, rows: &[WaveRow]) -> Json {
@@ -229,6 +284,11 @@ impl Sink for Recorder<'_> {
             }
             Event::CellStarted { cell, open, reference } => self.start(*cell, open, reference.is_some()),
             Event::Wave { cell, row, image, pow2, .. } => self.wave(*cell, row, image, *pow2),
+            Event::Floors { reference, floors } => {
+                self.floors.insert(*reference, Arc::clone(floors));
+                Ok(())
+            }
+            Event::Halves { reference, halves } => self.halves(*reference, halves),
             Event::CellFinished { cell, outcome, film, layers, rows } => {
                 let kept = match (outcome, film) {
                     (Outcome::Done(reason), Some(film)) => self.finish(*cell, reason, film, layers, rows),
@@ -270,6 +330,11 @@ impl Sink for Recorder<'_> {
     }
 }
 
+/// A number as JSON, which has no infinities: they are text, as everywhere in Lumbre.
+fn number(x: f64) -> Json {
+    serde_json::Number::from_f64(x).map_or_else(|| json!(x.to_string()), Json::Number)
+}
+
 fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: &WaveRow, metrics: &Json) -> Json {
     json!({
         "run": facts.run,
@@ -277,6 +342,7 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "samples": samples,
         "render_s": last.render_s,
         "wall_s": last.wall_s,
+        "measure_s": last.measure_s,
         "waves": last.wave,
         "paths": last.paths,
         "rays": last.rays,

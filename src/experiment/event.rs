@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
+use super::floors::{Floors, HalfImages};
 use super::plan::Plan;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
@@ -28,6 +29,8 @@ pub struct WaveRow {
     pub render_s: f64,
     /// Seconds since the cell started, everything included.
     pub wall_s: f64,
+    /// Seconds spent measuring so far, which are no part of `render_s`.
+    pub measure_s: f64,
     /// Camera paths so far.
     pub paths: u64,
     /// Rays so far.
@@ -88,6 +91,15 @@ pub enum Event {
         /// The image it will be measured against.
         reference: Option<SharedImage>,
     },
+    /// What the noise of a reference leaves to be measured is known. Told once a night for a reference with halves,
+    /// before the first cell that is measured against it starts.
+    Floors {
+        /// Index into [`Plan::references`].
+        reference: usize,
+        /// The value that the true picture would have, in the order of the plan's columns; `None` for metrics of which
+        /// that cannot be said. No run can be measured to be better.
+        floors: Floors,
+    },
     /// A wave ended and was measured.
     Wave {
         /// Which.
@@ -100,6 +112,13 @@ pub enum Event {
         image: SharedImage,
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
+    },
+    /// A reference has been rendered; its [`Event::CellFinished`] follows.
+    Halves {
+        /// Index into [`Plan::references`].
+        reference: usize,
+        /// Its two independent halves.
+        halves: [Arc<Film>; 2],
     },
     /// A cell ended. Recorders write its results when they hear this, before the night goes on.
     CellFinished {
@@ -151,6 +170,14 @@ pub trait History {
     /// # Errors
     /// When it is there but cannot be read.
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError>;
+
+    /// The two halves of a finished reference, if it was kept with them.
+    ///
+    /// # Errors
+    /// When they are there but cannot be read.
+    fn halves(&self, _plan: &Plan, _reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        Ok(None)
+    }
 }
 
 /// A run that an earlier night finished.
@@ -160,6 +187,8 @@ pub struct FinishedRun {
     pub folder: std::path::PathBuf,
     /// Its measurements, oldest first.
     pub rows: Vec<WaveRow>,
+    /// The noise floors of what it was measured against, if they were known.
+    pub floors: Floors,
 }
 
 /// What the user and signals want, shared between threads.

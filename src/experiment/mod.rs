@@ -4,6 +4,7 @@
 //! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
 
 pub mod event;
+pub mod floors;
 pub mod plan;
 pub mod run;
 pub mod spec;

@@ -237,12 +237,13 @@ fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
 }
 
 /// The numbers of a measurement that every predicate can read.
-fn row_numbers(row: &WaveRow) -> [(&'static str, f64); 7] {
+fn row_numbers(row: &WaveRow) -> [(&'static str, f64); 8] {
     [
         ("wave", row.wave as f64),
         ("samples", row.samples as f64),
         ("render_s", row.render_s),
         ("wall_s", row.wall_s),
+        ("measure_s", row.measure_s),
         ("paths", row.paths as f64),
         ("rays", row.rays as f64),
         ("invalid", row.invalid as f64),

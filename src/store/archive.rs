@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{FILMS, layout, rows};
+use super::{FILMS, HALVES, layout, rows};
 use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
 use crate::film::Image;
@@ -57,6 +58,13 @@ impl Archive {
     }
 }
 
+impl Archive {
+    fn read(&self, file: &Path) -> Result<Image, String> {
+        let bytes = fs::read(file).map_err(|e| format!("cannot be read: {e}"))?;
+        (self.decode)(&bytes)
+    }
+}
+
 impl History for Archive {
     fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
         match cell {
@@ -84,9 +92,20 @@ impl History for Archive {
                 None => return Ok(None),
             },
         };
-        let fail = |problem: String| SinkError(format!("{}: {problem}{advice}", file.display()));
-        let bytes = fs::read(&file).map_err(|e| fail(format!("cannot be read: {e}")))?;
-        (self.decode)(&bytes).map(Some).map_err(fail)
+        self.read(&file).map(Some).map_err(|problem| SinkError(format!("{}: {problem}{advice}", file.display())))
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
+        let folder = layout::reference_folder(&self.out, &wanted.id);
+        let known = read_json(&folder.join("ref.json")).filter(|done| done["run"].as_str() == Some(&wanted.id.0));
+        let samples = |done: &Json| Some([0, 1].map(|i: usize| done["halves"].get(i).and_then(Json::as_u64)));
+        let Some([Some(first), Some(second)]) = known.as_ref().and_then(samples) else { return Ok(None) };
+        let read = |name: &str| {
+            let file = folder.join(name);
+            self.read(&file).map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+        };
+        Ok(Some(HalfImages { means: [read(HALVES[0])?, read(HALVES[1])?], samples: [first, second] }))
     }
 }
 
@@ -111,7 +130,14 @@ fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[Str
         first_invalid: first_invalid.filter(|_| row.invalid > 0),
         ..row
     });
-    Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect() })
+    let floor = |column: &String| done["floors"].get(column).and_then(number);
+    let floors = if done["floors"].is_object() { columns.iter().map(floor).collect() } else { Vec::new() };
+    Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into() })
+}
+
+/// A number as Lumbre writes it into JSON, which has no infinities.
+fn number(json: &Json) -> Option<f64> {
+    json.as_f64().or_else(|| json.as_str()?.parse().ok())
 }
 
 /// The place of the first invalid sample as a `done.json` states it.

@@ -70,8 +70,9 @@ pub fn cell_json(plan: &Plan, cell: CellRef) -> Json {
             let reference = &plan.references[i];
             out.insert("run".into(), reference.id.0.as_str().into());
             match &reference.source {
-                ReferenceSource::Render { config, seed, .. } => {
-                    out.insert("seed".into(), (*seed).into());
+                ReferenceSource::Render { config, seeds, stem, .. } => {
+                    out.insert("seeds".into(), seeds.to_vec().into());
+                    out.insert("stem".into(), stem.0.as_str().into());
                     out.insert("render".into(), config_json(config));
                 }
                 ReferenceSource::File(file) => {

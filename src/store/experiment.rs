@@ -12,6 +12,7 @@ use super::journal::Journal;
 use super::run::{RunWriter, pretty};
 use super::{Host, StoreError, cell_json, layout, plan_json, write};
 use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::floors::HalfImages;
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
 
@@ -107,6 +108,10 @@ impl History for Store {
 
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         self.archive.image(plan, reference)
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        self.archive.halves(plan, reference)
     }
 }
 

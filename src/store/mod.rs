@@ -5,7 +5,7 @@
 //!   experiment.lua plan.json env.json journal.jsonl lock summary.csv figures/ tables/
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
 //!                                    films/*.{exr,png} done.json
-//! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png ref.json
+//! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png half-{a,b}.exr noise.exr ref.json
 //! ```
 //!
 //! Folders are the truth: whether a run is done is whether its `done.json` (for a reference, `ref.json`) is there,
@@ -34,7 +34,7 @@ pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
 pub use host::{Host, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
-pub use run::{FILMS, RunWriter};
+pub use run::{FILMS, HALVES, NOISE, RunWriter};
 pub use write::{atomic, probe};
 
 /// Why the store cannot do what it was asked.

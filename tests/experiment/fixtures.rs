@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::floors::HalfImages;
 use lumbre::experiment::plan::{LoadedScene, expand};
 use lumbre::experiment::run::{Open, Seams, run_with};
 use lumbre::experiment::spec::{Axis, CellConfig, HookError, Measure, ReferenceRequest, Snapshots};
@@ -279,6 +280,8 @@ pub fn words(event: &Event) -> String {
             format!("{how} {}", name(cell))
         }
         Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
+        Event::Floors { reference, .. } => format!("floors r{reference}"),
+        Event::Halves { reference, .. } => format!("halves r{reference}"),
         Event::NightFinished => "morning".into(),
     }
 }
@@ -288,6 +291,7 @@ pub fn words(event: &Event) -> String {
 pub struct Memory {
     pub done: BTreeMap<RunId, FinishedRun>,
     pub images: BTreeMap<RunId, Result<Image, String>>,
+    pub halves: BTreeMap<RunId, Result<HalfImages, String>>,
 }
 
 impl History for Memory {
@@ -298,6 +302,11 @@ impl History for Memory {
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         let image = self.images.get(plan.id(CellRef::Reference(reference)));
         image.cloned().transpose().map_err(SinkError)
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        let halves = self.halves.get(plan.id(CellRef::Reference(reference)));
+        halves.cloned().transpose().map_err(SinkError)
     }
 }
 

@@ -157,10 +157,12 @@ impl<'a> Builder<'a> {
             point: describe(point),
             error: Box::new(error),
         })?;
-        let seed = identity::reference_seed(self.spec.seed);
+        let seeds = identity::reference_seeds();
         let end = identity::reference_stop(&stop, &self.spec.script_hash);
-        let identity = Value::Map(identity::run(picture, seed, end));
-        let source = ReferenceSource::Render { config, scene, seed, stop };
+        let stem = identity::stem(picture, seeds);
+        let stem_id = identity::run_id(&Value::Map(stem.clone()));
+        let identity = identity::reference(stem, end);
+        let source = ReferenceSource::Render { config, scene, seeds, stem: stem_id, stop };
         Ok(Reference { id: identity::run_id(&identity), source, identity })
     }
 

@@ -10,6 +10,7 @@ mod estimate;
 mod expand;
 pub mod identity;
 mod path;
+mod reach;
 mod resolve;
 
 use std::sync::Arc;
@@ -18,6 +19,7 @@ pub use axes::{MAX_CELLS, Overrides};
 pub use error::PlanError;
 pub use estimate::Estimate;
 pub use expand::expand;
+pub use reach::unreachable;
 pub use resolve::{LoadScene, LoadedScene};
 
 use super::event::CellRef;
@@ -81,8 +83,10 @@ pub enum ReferenceSource {
         config: Arc<CellConfig>,
         /// The scene, with the changes made.
         scene: Arc<SceneDesc>,
-        /// Seed; never one of a cell's.
-        seed: u64,
+        /// The seeds of its two independent halves; never one of a cell's.
+        seeds: [u64; 2],
+        /// What it shares with references that differ only in when they end: one can be the beginning of another.
+        stem: RunId,
         /// When it is good enough.
         stop: StopRule,
     },

@@ -13,6 +13,7 @@ use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
+use crate::render::halves::Halves;
 use crate::render::{Job, Renderer, WaveStats};
 use crate::scene::{CompiledScene, SceneDesc, compile};
 use crate::transport::integrator::integrator;
@@ -23,7 +24,8 @@ pub(super) struct Work<'a> {
     pub(super) cell: CellRef,
     pub(super) config: &'a CellConfig,
     pub(super) scene: &'a Arc<SceneDesc>,
-    pub(super) seed: u64,
+    /// One, or those of two halves.
+    pub(super) seeds: &'a [u64],
     pub(super) stop: &'a StopRule,
     pub(super) reference: Option<SharedImage>,
 }
@@ -34,15 +36,17 @@ pub(super) struct Ended {
     pub(super) film: Option<Arc<Film>>,
     pub(super) layers: Arc<Vec<LayerImage>>,
     pub(super) rows: Vec<WaveRow>,
+    /// Where it is a reference that is done.
+    pub(super) halves: Option<[Arc<Film>; 2]>,
 }
 
 impl Ended {
     pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), film: None, layers: Arc::default(), rows }
+        Ended { outcome: Outcome::Cached(folder), film: None, layers: Arc::default(), rows, halves: None }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
-        Ended { outcome: Outcome::Failed(reason), film: None, layers: Arc::default(), rows: Vec::new() }
+        Ended { outcome: Outcome::Failed(reason), film: None, layers: Arc::default(), rows: Vec::new(), halves: None }
     }
 }
 
@@ -64,7 +68,8 @@ impl Night<'_, '_> {
         // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
-        Ended { outcome, film, layers, rows: progress.rows }
+        let halves = finished.and_then(|r| r.halves());
+        Ended { outcome, film, layers, rows: progress.rows, halves }
     }
 
     fn render(&mut self, work: &Work<'_>, progress: &mut Progress) -> Result<Outcome, String> {
@@ -90,6 +95,7 @@ impl Night<'_, '_> {
             let measure_s = measuring.elapsed().as_secs_f64();
             let row = WaveRow {
                 wall_s: started.elapsed().as_secs_f64(),
+                measure_s: progress.rows.last().map_or(0.0, |row| row.measure_s) + measure_s,
                 metrics,
                 ..accumulate(progress.rows.last(), &stats)
             };
@@ -140,10 +146,19 @@ impl Night<'_, '_> {
             filter: config.filter,
             layers: config.films.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
-            seed: work.seed,
+            seed: 0,
             threads: self.threads,
         };
-        guard("opening the backend", || (self.seams.open)(&config.backend, scene, job))?.map_err(|e| e.to_string())
+        let open = |seed: u64| {
+            let job = Job { seed, ..job.clone() };
+            guard("opening the backend", || (self.seams.open)(&config.backend, Arc::clone(&scene), job))?
+                .map_err(|e| e.to_string())
+        };
+        match work.seeds {
+            [seed] => open(*seed),
+            [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
+            _ => Err("a run has one seed, or those of two halves".to_owned()),
+        }
     }
 
     /// The metrics of a picture in the order of the plan's columns; none without a reference.
@@ -189,7 +204,7 @@ fn layer_images(renderer: &dyn Renderer) -> Vec<LayerImage> {
 }
 
 /// Runs what may panic; a panic becomes a reason.
-fn guard<T>(doing: &str, work: impl FnOnce() -> T) -> Result<T, String> {
+pub(super) fn guard<T>(doing: &str, work: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).map_err(|payload| format!("panic while {doing}: {}", panic_text(&*payload)))
 }
 

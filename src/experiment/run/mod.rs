@@ -8,6 +8,7 @@
 //! is missing) is recorded with the reason, and the night goes on.
 
 mod cell;
+mod floors;
 mod night;
 mod waves;
 
@@ -15,6 +16,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
+use super::floors::Floors;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
 use crate::render::{Job, RenderError, Renderer, backend};
@@ -29,6 +31,8 @@ pub struct CellResult {
     pub outcome: Outcome,
     /// Its measurements, oldest first.
     pub rows: Arc<Vec<WaveRow>>,
+    /// The noise floors of what it was measured against, in the order of the plan's columns; empty if not known.
+    pub floors: Floors,
 }
 
 /// How the night ended.

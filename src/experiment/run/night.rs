@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::cell::{Ended, Work};
 use super::{CellResult, NightSummary, RunError, Seams};
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
+use crate::experiment::floors::{Floors, HalfImages};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
 use crate::film::SharedImage;
@@ -30,11 +31,13 @@ pub(super) struct Night<'a, 's> {
     pub(super) hooks: &'a dyn ScriptHooks,
     pub(super) control: &'a Control,
     pub(super) threads: usize,
-    history: &'a dyn History,
+    pub(super) history: &'a dyn History,
     sinks: &'a mut [&'s mut dyn Sink],
     truths: Vec<Truth>,
     /// The reference that was used last: neighbouring cells mostly share it.
     recent: Option<(usize, SharedImage)>,
+    /// The noise floors of the references as far as they are known.
+    pub(super) floors: Vec<Option<Floors>>,
     /// The scene that was compiled last, and what it was compiled from.
     pub(super) compiled: Option<(Arc<SceneDesc>, Arc<CompiledScene>)>,
     /// What compiling has had to say, each once a night.
@@ -62,6 +65,7 @@ impl<'a, 's> Night<'a, 's> {
             sinks,
             truths: plan.references.iter().map(|_| Truth::Ahead).collect(),
             recent: None,
+            floors: vec![None; plan.references.len()],
             compiled: None,
             told: BTreeSet::new(),
             summary: NightSummary::default(),
@@ -119,11 +123,11 @@ impl<'a, 's> Night<'a, 's> {
                     Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
                     Err(error) => Ended::failed(error.to_string()),
                 };
-                let outcome = self.finish(cell, ended);
+                let outcome = self.finish(cell, ended, Floors::default());
                 self.truths[place] = if let Outcome::Cached(_) = outcome { Truth::Recorded } else { lost(&outcome) };
             }
-            ReferenceSource::Render { config, scene, seed, stop } => {
-                let work = Work { cell, config, scene, seed: *seed, stop, reference: None };
+            ReferenceSource::Render { config, scene, seeds, stop, .. } => {
+                let work = Work { cell, config, scene, seeds, stop, reference: None };
                 self.truths[place] = self.rendered_reference(place, &work);
             }
         }
@@ -132,7 +136,7 @@ impl<'a, 's> Night<'a, 's> {
     fn rendered_reference(&mut self, place: usize, work: &Work<'_>) -> Truth {
         match self.recorded_reference(place) {
             Ok(Some(ended)) => {
-                return match self.finish(work.cell, ended) {
+                return match self.finish(work.cell, ended, Floors::default()) {
                     Outcome::Cached(_) => Truth::Recorded,
                     outcome => lost(&outcome),
                 };
@@ -141,13 +145,23 @@ impl<'a, 's> Night<'a, 's> {
             Err(problem) => {
                 let text = format!("the reference that was there is rendered again: {problem}");
                 if let Err(reason) = self.say(Level::Warn, work.cell, text) {
-                    return lost(&self.finish(work.cell, Ended::failed(reason)));
+                    return lost(&self.finish(work.cell, Ended::failed(reason), Floors::default()));
                 }
             }
         }
-        let ended = self.perform(work);
+        let mut ended = self.perform(work);
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
-        let outcome = self.finish(work.cell, ended);
+        if let (Some(halves), Some(image)) = (ended.halves.take(), &image) {
+            let images = HalfImages {
+                means: [halves[0].mean(), halves[1].mean()],
+                samples: [halves[0].samples, halves[1].samples],
+            };
+            let told = self.emit(&Event::Halves { reference: place, halves });
+            if let Err(reason) = told.and_then(|()| self.learn_floors(place, image, &images)) {
+                return lost(&self.finish(work.cell, Ended::failed(reason), Floors::default()));
+            }
+        }
+        let outcome = self.finish(work.cell, ended, Floors::default());
         match (outcome, image) {
             (Outcome::Done(_), Some(image)) => {
                 self.recent = Some((place, Arc::clone(&image)));
@@ -174,21 +188,29 @@ impl<'a, 's> Night<'a, 's> {
         let plan = self.plan;
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
-        let ended = match self.history.done(plan, cell) {
-            Some(run) => Ended::cached(run.folder, run.rows),
-            None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
+        if let Some(run) = self.history.done(plan, cell) {
+            self.finish(cell, Ended::cached(run.folder, run.rows), run.floors);
+            return;
+        }
+        let mut floors = Floors::default();
+        let ended = match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
+            Err(reason) => Ended::failed(reason),
+            Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
                 Err(reason) => Ended::failed(reason),
-                Ok(reference) => self.perform(&Work {
-                    cell,
-                    config: &it.config,
-                    scene: &it.scene,
-                    seed: it.seed,
-                    stop: &it.stop,
-                    reference,
-                }),
+                Ok(known) => {
+                    floors = known;
+                    self.perform(&Work {
+                        cell,
+                        config: &it.config,
+                        scene: &it.scene,
+                        seeds: &[it.seed],
+                        stop: &it.stop,
+                        reference,
+                    })
+                }
             },
         };
-        self.finish(cell, ended);
+        self.finish(cell, ended, floors);
     }
 
     /// The picture of a reference, which must have the given size.
@@ -214,8 +236,8 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
-    fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, layers, rows } = ended;
+    fn finish(&mut self, cell: CellRef, ended: Ended, floors: Floors) -> Outcome {
+        let Ended { mut outcome, film, layers, rows, halves: _ } = ended;
         let rows = Arc::new(rows);
         let event = Event::CellFinished { cell, outcome: outcome.clone(), film, layers, rows: Arc::clone(&rows) };
         if let Err(reason) = self.emit(&event) {
@@ -227,7 +249,7 @@ impl<'a, 's> Night<'a, 's> {
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
         }
-        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows });
+        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors });
         outcome
     }
 }

@@ -100,7 +100,8 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             source: ReferenceSource::Render {
                 config: Arc::new(config(9, 0.5)),
                 scene,
-                seed: 2,
+                seeds: [2, 3],
+                stem: RunId("fe".to_owned()),
                 stop: StopRule::Time(20.0),
             },
             identity: Value::Nil,
@@ -159,6 +160,7 @@ pub fn row(k: u32) -> WaveRow {
         samples,
         render_s,
         wall_s: render_s * 1.05 + 0.1,
+        measure_s: render_s * 0.02,
         paths,
         rays: paths * 5,
         invalid: 0,
