@@ -8,6 +8,7 @@ use serde_json::{Value as Json, json};
 use tracing::Level as LogLevel;
 
 use super::log::Log;
+use crate::experiment::agree::{Agreement, MAP_TOP};
 use crate::experiment::event::Level;
 use crate::experiment::floors::{Floors, net_columns, net_values};
 use crate::experiment::plan::ReferenceSource;
@@ -239,6 +240,41 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Writes what the comparison of a reference with a second technique found, beside the reference: the map of its
+    /// deviates and the finding itself.
+    fn agreement(&self, reference: usize, with: usize, found: &Agreement) -> Result<(), SinkError> {
+        let technique = match &self.plan.references[with].source {
+            ReferenceSource::Render { config, .. } => config.integrator.as_str(),
+            ReferenceSource::File(_) => "file",
+        };
+        let ids = [reference, with].map(|i| self.plan.references[i].id.0.clone());
+        let finding = json!({
+            "reference": ids[0], "second": ids[1], "technique": technique, "agrees": found.agrees(),
+            "finding": found.describe(), "comparisons": found.comparisons, "false_discovery_rate": found.rate,
+            "ratio": number(found.ratio), "ratio_error": number(found.ratio_error),
+            "whole_differs": found.whole_differs, "program": PROGRAM,
+            "differing": found.differing.iter().map(|block| json!({
+                "at": block.at, "channel": block.channel, "z": number(block.z), "p": number(block.p),
+            })).collect::<Vec<_>>(),
+        });
+        let metadata: Vec<(String, String)> = [
+            ("run", ids[0].clone()),
+            ("second", ids[1].clone()),
+            ("shows", format!("deviates of blocks from {technique}, -{MAP_TOP} blue to {MAP_TOP} red")),
+            ("program", PROGRAM.to_owned()),
+        ]
+        .into_iter()
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect();
+        let picture = png::encode_map(&found.map, found.map.scale(None), &metadata).map_err(failed)?;
+        let name = |extension: &str| format!("agree-{technique}.{extension}");
+        let write = |name: &str, bytes: &[u8]| self.store.write_reference(&self.plan, reference, name, bytes);
+        write(&name("png"), &picture).map_err(lost)?;
+        write(&name("json"), format!("{finding:#}\n").as_bytes()).map_err(lost)?;
+        self.tell("agreement", &finding);
+        Ok(())
+    }
+
     fn metrics(&self, row: &WaveRow) -> Json {
         self.by_column(row.metrics.iter().copied().map(Some))
     }
@@ -288,6 +324,7 @@ impl Sink for Recorder<'_> {
                 self.floors.insert(*reference, Arc::clone(floors));
                 Ok(())
             }
+            Event::Agreement { reference, with, found } => self.agreement(*reference, *with, found),
             Event::Halves { reference, halves } => self.halves(*reference, halves),
             Event::CellFinished { cell, outcome, film, layers, rows } => {
                 let kept = match (outcome, film) {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
+use super::agree::Agreement;
 use super::floors::{Floors, HalfImages};
 use super::plan::Plan;
 use crate::film::layer::LayerImage;
@@ -113,6 +114,15 @@ pub enum Event {
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
     },
+    /// A reference was compared with the same picture by a second technique; see [`Plan::references`].
+    Agreement {
+        /// Index of the reference.
+        reference: usize,
+        /// Index of the second picture.
+        with: usize,
+        /// What was found.
+        found: Arc<Agreement>,
+    },
     /// A reference has been rendered; its [`Event::CellFinished`] follows.
     Halves {
         /// Index into [`Plan::references`].
@@ -170,6 +180,14 @@ pub trait History {
     /// # Errors
     /// When it is there but cannot be read.
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError>;
+
+    /// The standard error of every pixel of a finished reference, if it was kept with it.
+    ///
+    /// # Errors
+    /// When it is there but cannot be read.
+    fn noise(&self, _plan: &Plan, _reference: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
 
     /// The two halves of a finished reference, if it was kept with them.
     ///

@@ -3,6 +3,7 @@
 //! Everything here is plain data or a trait: nothing knows Lua, files, or the terminal. [`Sink`]s listen to
 //! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
 
+pub mod agree;
 pub mod event;
 pub mod floors;
 pub mod plan;

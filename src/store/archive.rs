@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{FILMS, HALVES, layout, rows};
+use super::{FILMS, HALVES, NOISE, layout, rows};
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
@@ -93,6 +93,15 @@ impl History for Archive {
             },
         };
         self.read(&file).map(Some).map_err(|problem| SinkError(format!("{}: {problem}{advice}", file.display())))
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
+        let file = layout::reference_folder(&self.out, &wanted.id).join(NOISE);
+        if !file.is_file() {
+            return Ok(None);
+        }
+        self.read(&file).map(Some).map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
     }
 
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {

@@ -21,7 +21,8 @@ pub fn plan_json(plan: &Plan) -> Json {
                 ReferenceSource::Render { config, .. } => ("render", config_json(config)),
                 ReferenceSource::File(file) => ("file", json!(file.display().to_string())),
             };
-            json!({ "run": r.id.0, "kind": kind, "source": source })
+            let agree = r.agree.map(|a| json!({ "with": plan.references[a.with].id.0, "false_discovery_rate": a.rate }));
+            json!({ "run": r.id.0, "kind": kind, "source": source, "agree": agree })
         }).collect::<Vec<_>>(),
         "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason }))
             .collect::<Vec<_>>(),

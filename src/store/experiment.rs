@@ -84,6 +84,15 @@ impl Store {
         write::if_changed(&self.folder.join(name), bytes)
     }
 
+    /// Writes a further file into the folder of a reference that is there.
+    ///
+    /// # Errors
+    /// When it cannot be written; nothing new is then left under its name.
+    pub fn write_reference(&self, plan: &Plan, reference: usize, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        let folder = layout::reference_folder(&self.out, &plan.references[reference].id);
+        write::if_changed(&folder.join(name), bytes)
+    }
+
     /// Records the machine in `env.json`; called when a night really renders something.
     ///
     /// # Errors
@@ -108,6 +117,10 @@ impl History for Store {
 
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         self.archive.image(plan, reference)
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        self.archive.noise(plan, reference)
     }
 
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {

@@ -91,7 +91,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         seed: 1,
         axes: vec!["depth".into()],
         cells: ids.iter().enumerate().map(cell).collect(),
-        references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil }],
+        references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil, agree: None }],
         skipped: vec![],
         notes: vec![],
         warnings: vec![],

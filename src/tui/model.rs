@@ -195,7 +195,7 @@ impl Model {
                 current.heard_s = at_s;
                 current.running = true;
             }
-            Event::Floors { .. } | Event::Halves { .. } => {}
+            Event::Floors { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
             Event::CellFinished { cell, outcome, film: _, layers: _, rows } => {
                 let Some(entry) = self.entry_mut(*cell) else { return };
                 entry.state = match outcome {

@@ -79,3 +79,44 @@ fn a_threshold_below_the_floor_is_said_at_the_night_and_in_the_plan() {
         serde_json::from_str(&place.succeed(&["plan", "night.lua", "depth=4", "--json"]).stdout).unwrap();
     assert_eq!(json["out_of_reach"].as_array().unwrap().len(), 1);
 }
+
+/// A point light over a ball: `bpt`, which only hits lights, cannot find it.
+const POINT: &str = r#"{
+    "resolution": [48, 32],
+    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
+    "materials": [{ "name": "grey", "color": [0.5, 0.5, 0.5] }, { "name": "lamp", "emission": [2, 2, 2] }],
+    "entities": [
+        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
+        { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
+    ],
+    "lights": [{ "type": "point", "position": [2, 2, 3], "intensity": [3, 3, 3] }]
+}"#;
+
+#[test]
+fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() {
+    let place = Workplace::new();
+    place.write("ball.scn", POINT);
+    let script = place
+        .read("night.lua")
+        .replace("resolution = { 24, 16 }, backend = \"mock\"", "resolution = { 48, 32 }, backend = \"cpu\"")
+        .replace(
+            "integrator = \"bpt\" } end, stop = stop.samples(4096)",
+            "integrator = \"nee\" } end, \
+                  stop = stop.samples(64), agree = { with = \"bdpt\" }",
+        );
+    place.write("night.lua", &script);
+    let said = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
+    assert!(said.contains("agrees with `bdpt`"), "{said}");
+    place.write("night.lua", &script.replace("bdpt", "bpt"));
+    for _ in 0..2 {
+        let said = place.fail(6, &["run", "night.lua", "depth=4", "-q"]);
+        assert!(said.contains("alarm: reference ") && said.contains("DISAGREES with `bpt`"), "{said}");
+    }
+    let maps: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/agree-bpt.png")).collect();
+    assert_eq!(maps.len(), 1, "{maps:?}");
+    let json = place.json(&maps[0].replace(".png", ".json"));
+    assert_eq!((json["agrees"].as_bool(), json["technique"].as_str()), (Some(false), Some("bpt")));
+    assert!(!json["differing"].as_array().unwrap().is_empty());
+    place.write("night.lua", &script.replace("bdpt", "bdtp"));
+    assert!(place.fail(2, &["plan", "night.lua"]).contains("did you mean `bdpt`"));
+}

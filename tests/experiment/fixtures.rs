@@ -100,7 +100,11 @@ impl Lab {
         let again = std::rc::Rc::clone(&render);
         self.render = Box::new(move |p| render(p));
         self.reference = Box::new(move |p| {
-            Ok(Some(ReferenceRequest::Render { config: Box::new(again(p)?), stop: StopRule::Samples(4096) }))
+            Ok(Some(ReferenceRequest::Render {
+                config: Box::new(again(p)?),
+                stop: StopRule::Samples(4096),
+                agree: None,
+            }))
         });
         self
     }
@@ -281,6 +285,7 @@ pub fn words(event: &Event) -> String {
         }
         Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
         Event::Floors { reference, .. } => format!("floors r{reference}"),
+        Event::Agreement { reference, with, .. } => format!("compared r{reference} r{with}"),
         Event::Halves { reference, .. } => format!("halves r{reference}"),
         Event::NightFinished => "morning".into(),
     }
@@ -292,6 +297,7 @@ pub struct Memory {
     pub done: BTreeMap<RunId, FinishedRun>,
     pub images: BTreeMap<RunId, Result<Image, String>>,
     pub halves: BTreeMap<RunId, Result<HalfImages, String>>,
+    pub noise: BTreeMap<RunId, Image>,
 }
 
 impl History for Memory {
@@ -302,6 +308,10 @@ impl History for Memory {
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         let image = self.images.get(plan.id(CellRef::Reference(reference)));
         image.cloned().transpose().map_err(SinkError)
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        Ok(self.noise.get(plan.id(CellRef::Reference(reference))).cloned())
     }
 
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {

@@ -41,7 +41,7 @@ impl Parts {
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         lab.reference = Box::new(move |_| {
             let config = Box::new(reference_config.clone());
-            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone() }))
+            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone(), agree: None }))
         });
         lab.plan()
     }

@@ -1,15 +1,18 @@
 //! References that know their error: halves, floors, and what they put out of reach.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use lumbre::experiment::event::{FinishedRun, Level};
 use lumbre::experiment::floors::{HalfImages, floors};
-use lumbre::experiment::spec::ReferenceRequest;
+use lumbre::experiment::spec::{AgreeRequest, CellConfig, ReferenceRequest};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, StopRule};
 use lumbre::film::Image;
 use lumbre::metrics::MetricSpec;
-use lumbre::render::mock::RELATIVE_SIGMA;
+use lumbre::render::mock::{MockRenderer, RELATIVE_SIGMA};
+use lumbre::render::{Job, RenderError, Renderer};
+use lumbre::scene::CompiledScene;
 
 use crate::fixtures::{Lab, Night, Recorder, config, ints};
 
@@ -26,7 +29,7 @@ fn lab(reference: u64) -> Lab {
     lab.render = Box::new(move |_| Ok(picture()));
     lab.reference = Box::new(move |_| {
         let stop = StopRule::Samples(reference);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(picture()), stop }))
+        Ok(Some(ReferenceRequest::Render { config: Box::new(picture()), stop, agree: None }))
     });
     lab
 }
@@ -117,6 +120,84 @@ fn a_metric_that_cannot_be_computed_has_no_floor() {
     let image = Image::from_fn(4, 4, |_, _| [0.5; 3]);
     let halves = HalfImages { means: [image.clone(), image.clone()], samples: [1, 1] };
     assert_eq!(floors(&metrics, &image, &halves), [Some(0.0), None]);
+}
+
+/// A lab whose references are compared with the same picture by `nee`.
+fn compared() -> Lab {
+    let mut lab = lab(256);
+    lab.reference = Box::new(|_| {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        let second = CellConfig { integrator: "nee".into(), ..config.clone() };
+        let agree = AgreeRequest { config: second, stop: StopRule::Samples(64), rate: 0.01 };
+        let stop = StopRule::Samples(256);
+        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree: Some(Box::new(agree)) }))
+    });
+    lab
+}
+
+/// `nee` finds other light than the rest: paths of six edges have more.
+fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    let max_depth = if job.integrator.name == "nee" { job.max_depth + 1 } else { job.max_depth };
+    Ok(Box::new(MockRenderer::new(scene, Job { max_depth, ..job })))
+}
+
+#[test]
+fn a_second_technique_agrees_with_its_own_noise_and_does_not_count_as_a_cells_reference() {
+    let lab = compared();
+    let plan = lab.plan();
+    assert_eq!(plan.references.len(), 2);
+    assert_eq!((plan.references[0].agree.unwrap().with, plan.references[1].agree), (1, None));
+    assert_eq!(plan.cells[0].reference, Some(0));
+    let (summary, heard) = Night::default().record(&lab);
+    assert!(summary.disagreements.is_empty());
+    let at = |word: &str| heard.words.iter().position(|w| w == word).unwrap_or_else(|| panic!("{word}"));
+    assert!(at("done r1") < at("compared r0 r1") && at("compared r0 r1") < at("start c0"));
+    let said = heard.messages(Level::Info);
+    assert!(said.iter().any(|w| w.starts_with("agrees with `nee`: none of ")), "{said:?}");
+}
+
+#[test]
+fn a_second_technique_that_contradicts_is_an_alarm_with_a_map() {
+    let (summary, heard) = Night { open: &biased, ..Night::default() }.record(&compared());
+    let [found] = summary.disagreements.as_slice() else { panic!("{:?}", summary.disagreements) };
+    assert_eq!((found.reference, found.with), (0, 1));
+    assert!(found.found.starts_with("DISAGREES with `nee`: "), "{}", found.found);
+    assert!(heard.messages(Level::Error).contains(&found.found));
+    let agreement = heard.events.iter().find_map(|e| match e {
+        Event::Agreement { found, .. } => Some(found.clone()),
+        _ => None,
+    });
+    let agreement = agreement.unwrap();
+    // 31/32 of the light against 63/64.
+    assert!((agreement.ratio / (62.0 / 63.0) - 1.0).abs() < 0.001, "{}", agreement.ratio);
+    assert!(agreement.map.values.iter().filter(|z| **z < -2.0).count() > 64 * 48 / 2);
+    // The night goes on: its cells are rendered.
+    assert!(heard.words.contains(&"done c0".to_owned()));
+}
+
+#[test]
+fn kept_pictures_are_compared_and_missing_noise_is_said() {
+    let lab = compared();
+    let plan = lab.plan();
+    let mut night = Night::default();
+    for (reference, light) in plan.references.iter().zip([0.5, 0.6]) {
+        let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() };
+        night.history.done.insert(reference.id.clone(), run);
+        let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
+        night.history.images.insert(reference.id.clone(), Ok(flat(light)));
+        night.history.noise.insert(reference.id.clone(), flat(0.02));
+    }
+    let (summary, _) = night.record(&lab);
+    assert_eq!(summary.disagreements.len(), 1);
+    night.history.noise.clear();
+    let (summary, heard) = night.record(&lab);
+    assert!(summary.disagreements.is_empty());
+    let said = heard.messages(Level::Warn);
+    assert!(
+        said.iter().any(|w| w.contains("cannot be compared with `nee`: the noise of `bpt` is not known")),
+        "{said:?}"
+    );
 }
 
 #[test]

@@ -72,6 +72,17 @@ pub struct Reference {
     pub source: ReferenceSource,
     /// The canonical form whose hash is `id`.
     pub identity: crate::value::Value,
+    /// What it is compared with.
+    pub agree: Option<Agree>,
+}
+
+/// The comparison of a reference with the same picture by a second technique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agree {
+    /// Index of the second picture into [`Plan::references`]; no cell is measured against it.
+    pub with: usize,
+    /// Of the blocks that are called different, the share that may be so by chance.
+    pub rate: f64,
 }
 
 /// Where a reference comes from.

@@ -7,6 +7,7 @@
 //! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
 //! is missing) is recorded with the reason, and the night goes on.
 
+mod agreement;
 mod cell;
 mod floors;
 mod night;
@@ -42,6 +43,19 @@ pub struct NightSummary {
     pub results: Vec<CellResult>,
     /// Whether the user or a signal ended it before all was done. A cell that was given up alone does not count.
     pub interrupted: bool,
+    /// The references that a second technique contradicts, in the order of the plan.
+    pub disagreements: Vec<Disagreement>,
+}
+
+/// A reference that a second technique contradicts.
+#[derive(Clone, Debug)]
+pub struct Disagreement {
+    /// Index of the reference into [`Plan::references`].
+    pub reference: usize,
+    /// Index of the second picture.
+    pub with: usize,
+    /// What was found, in a sentence.
+    pub found: String,
 }
 
 /// Why a night as a whole failed.

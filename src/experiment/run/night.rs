@@ -1,8 +1,9 @@
 //! From the first event to the last: references, cells, and what becomes of them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use super::agreement::Compared;
 use super::cell::{Ended, Work};
 use super::{CellResult, NightSummary, RunError, Seams};
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
@@ -36,13 +37,15 @@ pub(super) struct Night<'a, 's> {
     truths: Vec<Truth>,
     /// The reference that was used last: neighbouring cells mostly share it.
     recent: Option<(usize, SharedImage)>,
+    /// The references that wait for the other side of a comparison.
+    pub(super) compared: BTreeMap<usize, Compared>,
     /// The noise floors of the references as far as they are known.
     pub(super) floors: Vec<Option<Floors>>,
     /// The scene that was compiled last, and what it was compiled from.
     pub(super) compiled: Option<(Arc<SceneDesc>, Arc<CompiledScene>)>,
     /// What compiling has had to say, each once a night.
     pub(super) told: BTreeSet<Note>,
-    summary: NightSummary,
+    pub(super) summary: NightSummary,
 }
 
 impl<'a, 's> Night<'a, 's> {
@@ -65,6 +68,7 @@ impl<'a, 's> Night<'a, 's> {
             sinks,
             truths: plan.references.iter().map(|_| Truth::Ahead).collect(),
             recent: None,
+            compared: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
             compiled: None,
             told: BTreeSet::new(),
@@ -129,6 +133,9 @@ impl<'a, 's> Night<'a, 's> {
             ReferenceSource::Render { config, scene, seeds, stop, .. } => {
                 let work = Work { cell, config, scene, seeds, stop, reference: None };
                 self.truths[place] = self.rendered_reference(place, &work);
+                if let Err(reason) = self.compare(place) {
+                    self.truths[place] = lost(&self.finish(cell, Ended::failed(reason), Floors::default()));
+                }
             }
         }
     }
@@ -151,6 +158,9 @@ impl<'a, 's> Night<'a, 's> {
         }
         let mut ended = self.perform(work);
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
+        if let Some(film) = &ended.film {
+            self.remember(place, film);
+        }
         if let (Some(halves), Some(image)) = (ended.halves.take(), &image) {
             let images = HalfImages {
                 means: [halves[0].mean(), halves[1].mean()],
@@ -173,6 +183,11 @@ impl<'a, 's> Night<'a, 's> {
             }
             (outcome, _) => lost(&outcome),
         }
+    }
+
+    /// Whether a reference is there.
+    pub(super) fn is_ready(&self, place: usize) -> bool {
+        matches!(self.truths[place], Truth::Recorded | Truth::Held(_))
     }
 
     /// A reference that an earlier night finished, if its picture can be read.

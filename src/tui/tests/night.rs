@@ -105,6 +105,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                 stop: StopRule::Time(20.0),
             },
             identity: Value::Nil,
+            agree: None,
         }],
         skipped: vec![Skipped { point: Vec::new(), reason: "black".to_owned() }],
         notes: Vec::new(),
