@@ -10,6 +10,8 @@ mod hooks;
 mod readme;
 #[path = "script/sandbox.rs"]
 mod sandbox;
+#[path = "script/scenes.rs"]
+mod scenes;
 #[path = "script/shipped.rs"]
 mod shipped;
 #[path = "script/spec.rs"]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::experiment::spec::Deadline;
 use crate::scene::load::Missing;
 use crate::value::Value;
 
@@ -37,8 +38,11 @@ Exit codes:
     3  some cells failed
     4  a limit was reached with work left
     5  verification failed
-   75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
-  130  ended by Ctrl-C (143 by a second SIGTERM)
+   75  ended by SIGTERM or SIGHUP after the current wave; run again to go on
+  130  ended by Ctrl-C (128 plus the signal's number by a second signal, at once)
+
+Every end but the last writes a checkpoint: the same command goes on to the same bytes.
+SIGUSR1 writes one now, and the night goes on.
 
 Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
 
@@ -83,6 +87,16 @@ pub enum Verb {
     /// Cells that an earlier night finished are not rendered again. An interrupted night goes on where it was when
     /// the same command is given again.
     Run(RunArgs),
+    /// Run what failed again
+    ///
+    /// `lumbre run` tries failed cells again too, along with everything else that is not done. `lumbre retry --failed`
+    /// tries nothing else.
+    Retry(RetryArgs),
+    /// Say why a run would be rendered again, or why it would not
+    ///
+    /// Names the field in which its identity differs from what the script asks for now, the file that is damaged or
+    /// missing, the failure of its last try, or the checkpoint from which it would go on.
+    Explain(ExplainArgs),
     /// Show the cells of an experiment, what is cached, what is skipped and why; render nothing
     Plan(PlanArgs),
     /// Check scripts and scene files of every known format; render and write nothing
@@ -152,9 +166,66 @@ pub struct RunArgs {
     /// Which experiment.
     #[command(flatten)]
     pub script: ScriptArgs,
+    /// How the night goes.
+    #[command(flatten)]
+    pub night: NightArgs,
     /// Print the plan and stop
     #[arg(long)]
     pub dry_run: bool,
+}
+
+/// How a night goes.
+#[derive(Args, Clone, Debug, Default)]
+pub struct NightArgs {
+    /// End the night at this time of day, or after this long: 08:00, 90min, 7.5h. Cells then come from coarse to fine, so
+    /// that what is finished is a complete smaller grid, and the same command goes on another time
+    #[arg(long, value_name = "TIME", value_parser = super::until::parse)]
+    pub until: Option<Deadline>,
+    /// End the night once so many runs have failed
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub max_fails: Option<u32>,
+    /// Leave out the smoke pass, which tries one small sample of every cell before the night begins
+    #[arg(long)]
+    pub no_smoke: bool,
+}
+
+/// `lumbre retry`.
+#[derive(Args, Debug)]
+pub struct RetryArgs {
+    /// The experiment's script [default: the command that was run last]
+    script: Option<PathBuf>,
+    /// Replace the values of an axis: `depth=5,9`
+    #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
+    axes: Vec<(String, Vec<Value>)>,
+    /// Keep only cells with this value of an axis; give it again for further values or axes
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
+    only: Vec<(String, Vec<Value>)>,
+    /// How the night goes.
+    #[command(flatten)]
+    pub night: NightArgs,
+    /// Only what failed when it was last tried. Without it everything that is not done, as `lumbre run` does
+    #[arg(long)]
+    pub failed: bool,
+}
+
+impl RetryArgs {
+    /// Which experiment, if it is named.
+    pub fn script(&self) -> Option<ScriptArgs> {
+        let script = self.script.clone()?;
+        Some(ScriptArgs { script, axes: self.axes.clone(), only: self.only.clone() })
+    }
+}
+
+/// `lumbre explain`.
+#[derive(Args, Debug)]
+pub struct ExplainArgs {
+    /// The run's folder, or the first digits of its id
+    pub run: String,
+    /// The script to hold it against [default: the one that its experiment was last run with]
+    pub script: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `lumbre plan`.

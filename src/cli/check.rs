@@ -7,12 +7,13 @@ use super::exit::{Exit, Failure, data, talk};
 use super::load;
 use super::run::counted;
 use crate::scene::{self, Note, SceneError};
+use crate::script;
 
 /// Checks every file and goes on after an error.
 pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     for file in &args.files {
-        let checked = if is_script(file) { script(file, global) } else { scene(file, global) };
+        let checked = if script::scene::is_lua(file) { lua(file, global) } else { scene(file, global) };
         match checked {
             Ok(_) if global.quiet => {}
             Ok(line) => data(&format!("ok  {}: {line}\n", file.display()))?,
@@ -25,11 +26,11 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-fn is_script(file: &Path) -> bool {
-    file.extension().is_some_and(|e| e.eq_ignore_ascii_case("lua"))
-}
-
-fn script(file: &Path, global: &Global) -> Result<String, Failure> {
+/// An experiment, or a scene where the file turns out to describe one.
+fn lua(file: &Path, global: &Global) -> Result<String, Failure> {
+    if file.is_file() && script::load(file).is_err_and(|e| script::scene::is_scene(&e)) {
+        return scene(file, global);
+    }
     let args = ScriptArgs { script: file.to_owned(), axes: Vec::new(), only: Vec::new() };
     let (_, plan) = load::plan(&args, global)?;
     load::show_doubts(&plan);
@@ -47,7 +48,7 @@ fn scene(file: &Path, global: &Global) -> Result<String, Failure> {
         return Err(Failure::usage(format!("{} is a folder: name the files in it", file.display())));
     }
     let read = || -> Result<(scene::CompiledScene, Vec<Note>), SceneError> {
-        let (desc, mut notes) = scene::load::load_with(file, global.missing())?;
+        let (desc, mut notes) = load::scene(file, global.missing())?;
         let (compiled, more) = scene::compile(&desc)?;
         notes.extend(more);
         Ok((compiled, notes))

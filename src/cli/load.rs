@@ -1,5 +1,6 @@
 //! From what was typed to a script and its plan.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -11,7 +12,8 @@ use crate::experiment::Plan;
 use crate::experiment::plan::{Overrides, PlanError, expand};
 use crate::film::Image;
 use crate::output::exr;
-use crate::scene;
+use crate::scene::load::Missing;
+use crate::scene::{Note, SceneDesc, SceneError};
 use crate::script::{self, Script, ScriptError};
 use crate::value::{Value, suggest};
 
@@ -27,9 +29,18 @@ pub fn plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), F
         only: args.only.iter().flat_map(pairs).collect(),
         backend: global.backend.clone(),
     };
-    let mut load = |path: &Path| scene::load::load_with(path, global.missing());
+    let mut load =
+        |path: &Path, options: &BTreeMap<String, Value>| script::scene::read(path, options, global.missing());
     let plan = expand(&script.spec, &script, &overrides, &mut load).map_err(plan_failure)?;
     Ok((script, Arc::new(plan)))
+}
+
+/// Reads a scene file of any format, Lua included.
+///
+/// # Errors
+/// Whatever is wrong with the file.
+pub fn scene(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    script::scene::read(path, &BTreeMap::new(), missing)
 }
 
 /// Says what the plan warns of and what its scene files could not have.

@@ -3,6 +3,7 @@
 //! Data goes to stdout, talk to stderr. Errors come here as values and are shown once, with the place in the script
 //! where there is one; [`exit::Exit`] has the program's statuses.
 
+mod again;
 mod args;
 mod bench;
 mod builtin;
@@ -11,6 +12,7 @@ mod compare;
 mod docs;
 mod doctor;
 mod exit;
+mod explain;
 mod inspect;
 mod load;
 mod log;
@@ -19,7 +21,9 @@ mod recorder;
 mod run;
 mod schema;
 mod signals;
+mod space;
 mod text;
+mod until;
 pub mod verify;
 
 use std::process::ExitCode;
@@ -53,6 +57,8 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
     let log = log::Log::install(global.quiet);
     match &cli.verb {
         Verb::Run(args) => run::main(args, global, &log),
+        Verb::Retry(args) => run::retry(args, global, &log),
+        Verb::Explain(args) => explain::main(args, global),
         Verb::Plan(args) => plan::main(args, global),
         Verb::Check(args) => check::main(args, global),
         Verb::Ls(args) => inspect::ls(args, global),

@@ -8,12 +8,13 @@ use serde_json::{Value as Json, json};
 use tracing::Level as LogLevel;
 
 use super::log::Log;
+use super::space::{self, patiently};
 use crate::experiment::agree::{Agreement, MAP_TOP};
 use crate::experiment::event::Level;
 use crate::experiment::floors::{Floors, net_columns, net_values};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
-use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
+use crate::experiment::{CellRef, Control, Event, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image};
 use crate::output::{exr, layer, plot, png};
@@ -29,10 +30,10 @@ pub struct Recorder<'a> {
     store: &'a Store,
     plan: Arc<Plan>,
     log: Log,
+    control: Arc<Control>,
     current: Option<Current>,
     /// The noise floors of the plan's references, as far as they were told.
     floors: BTreeMap<usize, Floors>,
-    env_written: bool,
 }
 
 /// The run that is being filled.
@@ -56,12 +57,12 @@ struct Facts {
 }
 
 impl Facts {
-    fn metadata(&self, samples: u64, render_s: f64) -> Vec<(String, String)> {
+    /// No clock is among them: two nights that render the same write the same bytes.
+    fn metadata(&self, samples: u64) -> Vec<(String, String)> {
         let pairs = [
             ("run", self.run.clone()),
             ("scene_hash", self.scene_hash.clone()),
             ("samples", samples.to_string()),
-            ("render_s", format!("{render_s:?}")),
             ("seed", self.seed.to_string()),
             ("device", self.device.clone()),
             ("program", PROGRAM.to_owned()),
@@ -71,17 +72,21 @@ impl Facts {
 }
 
 impl<'a> Recorder<'a> {
-    /// A recorder of one night of `plan`.
-    pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log) -> Recorder<'a> {
-        Recorder { store, plan, log, current: None, floors: BTreeMap::new(), env_written: false }
+    /// A recorder of one night of `plan`. Where the disk is full it waits until `control` is asked to stop.
+    pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log, control: Arc<Control>) -> Recorder<'a> {
+        Recorder { store, plan, log, control, current: None, floors: BTreeMap::new() }
     }
 
-    fn start(&mut self, cell: CellRef, open: &OpenStats, measured: bool) -> Result<(), SinkError> {
-        if !self.env_written {
-            self.store.write_env().map_err(lost)?;
-            self.env_written = true;
-        }
-        let mut writer = self.store.start(&self.plan, cell).map_err(lost)?;
+    fn start(
+        &mut self,
+        cell: CellRef,
+        open: &OpenStats,
+        measured: bool,
+        resumed: Option<&[WaveRow]>,
+    ) -> Result<(), SinkError> {
+        let before = resumed.unwrap_or_default();
+        let kept = resumed.map(|rows| rows.last().map_or(0, |row| row.samples));
+        let mut writer = self.patiently(|| self.store.start(&self.plan, cell, kept))?;
         let mut floors = Floors::default();
         if let CellRef::Cell(i) = cell {
             let known = self.plan.cells[i].reference.and_then(|r| self.floors.get(&r));
@@ -89,15 +94,21 @@ impl<'a> Recorder<'a> {
             let mut columns = if measured { self.plan.columns() } else { Vec::new() };
             columns.extend(net_columns(&self.plan, &floors).into_iter().map(|(_, name)| name));
             let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-            writer.open_metrics(&columns).map_err(lost)?;
+            let before: Vec<WaveRow> = before.iter().map(|row| with_net(&self.plan, &floors, row)).collect();
+            self.patiently(|| writer.open_metrics(&columns, &before))?;
         }
-        self.log.set_run(Some(writer.open_log().map_err(lost)?));
+        self.log.set_run(Some(self.patiently(|| writer.open_log())?));
         self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
         let facts = self.facts(cell, open);
         let fields = json!({ "run": facts.run, "path": self.path(cell), "device": open.device });
         self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
         self.tell("cell_started", &fields);
         Ok(())
+    }
+
+    /// Writes, and waits where there is no space.
+    fn patiently<T>(&self, attempt: impl FnMut() -> Result<T, StoreError>) -> Result<T, SinkError> {
+        patiently(&self.control, &|| std::thread::sleep(space::STEP), attempt).map_err(lost)
     }
 
     fn facts(&self, cell: CellRef, open: &OpenStats) -> Facts {
@@ -130,13 +141,14 @@ impl<'a> Recorder<'a> {
         if let CellRef::Reference(_) = cell {
             return Ok(());
         }
-        let net = net_values(&self.plan, &current.floors, &row.metrics);
-        let metrics = row.metrics.iter().copied().chain(net).collect();
-        current.writer.append_row(&WaveRow { metrics, ..row.clone() }).map_err(lost)?;
+        let row = &with_net(&self.plan, &current.floors, row);
+        let wait = || std::thread::sleep(space::STEP);
+        patiently(&self.control, &wait, || current.writer.append_row(row)).map_err(lost)?;
         if keep {
-            let metadata = current.facts.metadata(row.samples, row.render_s);
+            let metadata = current.facts.metadata(row.samples);
             let bytes = exr::encode(image, &metadata).map_err(failed)?;
-            current.writer.write(&format!("snap-{}.exr", row.samples), &bytes).map_err(lost)?;
+            let name = format!("snap-{}.exr", row.samples);
+            patiently(&self.control, &wait, || current.writer.write(&name, &bytes)).map_err(lost)?;
         }
         Ok(())
     }
@@ -154,19 +166,19 @@ impl<'a> Recorder<'a> {
         };
         let Current { writer, open, facts, floors, halves, .. } = current;
         let last = rows.last().cloned().unwrap_or_default();
-        let metadata = facts.metadata(film.samples, last.render_s);
+        let metadata = facts.metadata(film.samples);
         let image = film.mean();
         let name = match cell {
             CellRef::Cell(_) => "final",
             CellRef::Reference(_) => {
-                writer.write_rows(rows).map_err(lost)?;
+                self.patiently(|| writer.write_rows(rows))?;
                 "ref"
             }
         };
         let linear = exr::encode(&image, &metadata).map_err(failed)?;
-        writer.write(&format!("{name}.exr"), &linear).map_err(lost)?;
+        self.patiently(|| writer.write(&format!("{name}.exr"), &linear))?;
         let shown = png::encode(&image, self.plan.measure.display, &metadata).map_err(failed)?;
-        writer.write(&format!("{name}.png"), &shown).map_err(lost)?;
+        self.patiently(|| writer.write(&format!("{name}.png"), &shown))?;
         self.keep_layers(cell, &writer, layers, &metadata)?;
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
@@ -182,7 +194,7 @@ impl<'a> Recorder<'a> {
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
-        writer.finish(&done).map_err(lost)
+        self.patiently(|| writer.finish(&done))
     }
 
     /// Writes the films of all layers, and the sheets on which they stand side by side.
@@ -201,12 +213,12 @@ impl<'a> Recorder<'a> {
             metadata.push(("film".to_owned(), name.clone()));
             metadata.push(("channels".to_owned(), row.channels.join(", ")));
             let linear = exr::encode(&layer.image, &metadata).map_err(failed)?;
-            writer.write(&format!("{FILMS}/{name}.exr"), &linear).map_err(lost)?;
+            self.patiently(|| writer.write(&format!("{FILMS}/{name}.exr"), &linear))?;
             let shown = layer::encode(layer, display, &metadata).map_err(failed)?;
-            writer.write(&format!("{FILMS}/{name}.png"), &shown).map_err(lost)?;
+            self.patiently(|| writer.write(&format!("{FILMS}/{name}.png"), &shown))?;
         }
         for (stem, bytes) in plot::sheets(layers, display, self.path(cell), metadata).map_err(failed)? {
-            writer.write(&format!("{FILMS}/{stem}.png"), &bytes).map_err(lost)?;
+            self.patiently(|| writer.write(&format!("{FILMS}/{stem}.png"), &bytes))?;
         }
         Ok(())
     }
@@ -216,26 +228,28 @@ impl<'a> Recorder<'a> {
         let Some(current) = self.current.as_mut().filter(|c| c.cell == CellRef::Reference(reference)) else {
             return Err(SinkError("halves of a reference that was never started".to_owned()));
         };
+        let wait = || std::thread::sleep(space::STEP);
         let seeds = match &self.plan.references[reference].source {
             ReferenceSource::Render { seeds, .. } => *seeds,
             ReferenceSource::File(_) => [0; 2],
         };
         let metadata = |samples: u64, seed: u64| {
-            let mut facts = current.facts.metadata(samples, 0.0);
-            facts.retain(|(key, _)| key != "render_s" && key != "seed");
+            let mut facts = current.facts.metadata(samples);
+            facts.retain(|(key, _)| key != "seed");
             facts.push(("seed".to_owned(), seed.to_string()));
             facts
         };
         for ((half, seed), name) in halves.iter().zip(seeds).zip(HALVES) {
             let bytes = exr::encode(&half.mean(), &metadata(half.samples, seed)).map_err(failed)?;
-            current.writer.write(name, &bytes).map_err(lost)?;
+            patiently(&self.control, &wait, || current.writer.write(name, &bytes)).map_err(lost)?;
         }
         let joint = Film::pooled(&halves[0], &halves[1]);
         let mut noise = joint.variance_of_mean();
         noise.data.as_flattened_mut().iter_mut().for_each(|x| *x = x.sqrt());
         let mut facts = metadata(joint.samples, seeds[0]);
         facts.push(("shows".to_owned(), "standard error of each pixel's mean".to_owned()));
-        current.writer.write(NOISE, &exr::encode(&noise, &facts).map_err(failed)?).map_err(lost)?;
+        let bytes = exr::encode(&noise, &facts).map_err(failed)?;
+        patiently(&self.control, &wait, || current.writer.write(NOISE, &bytes)).map_err(lost)?;
         current.halves = Some([halves[0].samples, halves[1].samples]);
         Ok(())
     }
@@ -318,7 +332,9 @@ impl Sink for Recorder<'_> {
                 self.tell("night_started", &fields);
                 Ok(())
             }
-            Event::CellStarted { cell, open, reference } => self.start(*cell, open, reference.is_some()),
+            Event::CellStarted { cell, open, reference, resumed } => {
+                self.start(*cell, open, reference.is_some(), resumed.as_deref().map(Vec::as_slice))
+            }
             Event::Wave { cell, row, image, pow2, .. } => self.wave(*cell, row, image, *pow2),
             Event::Floors { reference, floors } => {
                 self.floors.insert(*reference, Arc::clone(floors));
@@ -332,7 +348,7 @@ impl Sink for Recorder<'_> {
                     (Outcome::Done(_), None) => Err(SinkError("it is done but left no picture".to_owned())),
                     (Outcome::Failed(reason), _) => {
                         self.log.run_line(LogLevel::ERROR, &format!("failed: {reason}"));
-                        Ok(())
+                        self.store.fail(&self.plan, *cell, reason).map_err(lost)
                     }
                     (Outcome::Cached(_) | Outcome::Interrupted, _) => Ok(()),
                 };
@@ -365,6 +381,12 @@ impl Sink for Recorder<'_> {
             }
         }
     }
+}
+
+/// A measurement with the values of its net columns behind those of its metrics.
+fn with_net(plan: &Plan, floors: &Floors, row: &WaveRow) -> WaveRow {
+    let net = net_values(plan, floors, &row.metrics);
+    WaveRow { metrics: row.metrics.iter().copied().chain(net).collect(), ..row.clone() }
 }
 
 /// A number as JSON, which has no infinities: they are text, as everywhere in Lumbre.

@@ -1,18 +1,21 @@
 //! `lumbre run`: a whole night.
 
+use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::args::{Global, RunArgs};
+use super::again::{last_command, latest};
+use super::args::{Global, NightArgs, RetryArgs, RunArgs};
 use super::exit::{Exit, Failure, data, talk};
 use super::load::{self, decode, shown};
 use super::log::Log;
 use super::recorder::Recorder;
-use super::signals;
+use super::{signals, until};
 use crate::experiment::event::History;
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellRef, Control, NightSummary, Outcome, Plan, Sink, run};
+use crate::experiment::run::Options;
+use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, run};
 use crate::output::{plot, summary, table};
 use crate::render;
 use crate::script::Script;
@@ -25,26 +28,92 @@ pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure>
     if args.dry_run {
         return super::plan::print(&plan, global, false);
     }
+    let how = How { night: &args.night, only_failed: false, named: true };
+    carry_out(&script, &plan, &how, global, log)
+}
+
+/// Runs what is not done of an experiment, or only what failed.
+pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    let (wanted, global) = match args.script() {
+        Some(script) => (script, global.clone()),
+        None => last_command(&latest(&global.out)?, global)?,
+    };
+    let (script, plan) = load::plan(&wanted, &global)?;
+    let how = How { night: &args.night, only_failed: args.failed, named: args.script().is_some() };
+    carry_out(&script, &plan, &how, &global, log)
+}
+
+/// How a night is to go.
+struct How<'a> {
+    night: &'a NightArgs,
+    only_failed: bool,
+    /// Whether the command named its script, so that it can be given again.
+    named: bool,
+}
+
+fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    let How { night, only_failed, named } = *how;
     if !global.quiet {
-        load::show_doubts(&plan);
+        load::show_doubts(plan);
     }
-    let store = Store::open(&global.out, &plan, decode).map_err(Failure::usage)?;
-    let todo = Todo::of(&plan, &store);
+    let store = Store::open(&global.out, plan, decode).map_err(Failure::usage)?;
+    let all = || {
+        let references = (0..plan.references.len()).map(CellRef::Reference);
+        references.chain((0..plan.cells.len()).map(CellRef::Cell))
+    };
+    let failed: BTreeSet<CellRef> =
+        if only_failed { all().filter(|cell| store.failure(plan, *cell).is_some()).collect() } else { BTreeSet::new() };
+    if only_failed && failed.is_empty() {
+        if !global.quiet {
+            talk(&format!("nothing to do: no run of {} has failed", shown(store.folder())));
+        }
+        return Ok(Exit::Done);
+    }
+    if named {
+        store.write_env().map_err(Failure::usage)?;
+    }
+    let todo = Todo::of(plan, &store);
     if todo.is_empty() && !global.quiet {
-        talk(&todo.nothing(&plan, store.folder()));
+        talk(&todo.nothing(plan, store.folder()));
     }
-    let Ended { night, exit, told } = render_night(&script, &plan, &store, global, log, &todo)?;
-    let written = write_evidence(&store, &plan, &night);
-    print_tables(&plan, &night)?;
+    let deadline = night.until.or(plan.night.deadline).map(until::moment).transpose().map_err(Failure::usage)?;
+    let options = Options {
+        threads: global.threads,
+        max_fails: night.max_fails.map(|n| n as usize),
+        smoke: !night.no_smoke,
+        deadline,
+        only: only_failed.then_some(failed),
+    };
+    let Ended { night, exit, told } = render_night(script, plan, &store, global, log, &todo, options)?;
+    // What a narrowed night left alone is there nonetheless, and belongs into tables and figures.
+    let night = if only_failed { with_the_rest(night, plan, &store) } else { night };
+    let written = write_evidence(&store, plan, &night);
+    print_tables(plan, &night)?;
     if !told {
-        say_failures(&plan, &night);
+        say_failures(plan, &night);
     }
     say_disagreements(&plan, &night);
     if !global.quiet {
-        say_where(&store, &plan, &night);
+        say_where(&store, plan, &night);
     }
     written?;
-    Ok(exit_of(&plan, &night, exit))
+    Ok(exit_of(plan, &night, exit))
+}
+
+/// A night's results and those of the runs that it left alone and that are done.
+fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) -> NightSummary {
+    let seen: BTreeSet<CellRef> = night.results.iter().map(|result| result.cell).collect();
+    for cell in (0..plan.cells.len()).map(CellRef::Cell).filter(|cell| !seen.contains(cell)) {
+        if let Some(run) = history.done(plan, cell) {
+            night.results.push(CellResult {
+                cell,
+                outcome: Outcome::Cached(run.folder),
+                rows: Arc::new(run.rows),
+                floors: run.floors,
+            });
+        }
+    }
+    night
 }
 
 /// What is left to render.
@@ -102,10 +171,12 @@ fn render_night(
     global: &Global,
     log: &Log,
     todo: &Todo,
+    options: Options,
 ) -> Result<Ended, Failure> {
     let control = Arc::new(Control::default());
     if todo.is_empty() {
-        let night = run::run(plan, script, store, &mut [], &control, global.threads).map_err(Failure::internal)?;
+        let night = run::run(plan, script, store, &mut [], &control, Options { smoke: false, ..options })
+            .map_err(Failure::internal)?;
         return Ok(Ended { night, exit: Exit::Interrupted, told: false });
     }
     if !global.quiet {
@@ -113,9 +184,9 @@ fn render_night(
     }
     let heard = signals::listen(Arc::clone(&control), tui::guard::give_back_now)
         .map_err(|e| Failure::internal(format!("cannot listen to signals: {e}")))?;
-    let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone());
+    let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone(), Arc::clone(&control));
     let mut watcher = Watcher::new(&control, global, log);
-    let night = run::run(plan, script, store, &mut [&mut recorder, watcher.sink()], &control, global.threads);
+    let night = run::run(plan, script, store, &mut [&mut recorder, watcher.sink()], &control, options);
     let told = matches!(watcher, Watcher::Lines(_));
     // The terminal is given back before anything is said on it.
     drop(watcher);
@@ -165,8 +236,7 @@ fn say_backends(plan: &Plan) {
         ReferenceSource::Render { config, .. } => Some(&config.backend),
         ReferenceSource::File(_) => None,
     });
-    let names: std::collections::BTreeSet<&String> =
-        plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
+    let names: BTreeSet<&String> = plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
     let auto = render::backend("auto").map(|row| row.name);
     for name in names {
         let device = render::backend(name).map(|row| (row.probe)());

@@ -1,11 +1,13 @@
 //! What happens during a night, told to everyone who listens.
 
+use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use super::agree::Agreement;
 use super::floors::{Floors, HalfImages};
 use super::plan::Plan;
+use super::standing::{Checkpoint, Claim, Standing};
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::OpenStats;
@@ -91,6 +93,8 @@ pub enum Event {
         open: OpenStats,
         /// The image it will be measured against.
         reference: Option<SharedImage>,
+        /// The measurements of an earlier process, if the run goes on from its checkpoint.
+        resumed: Option<Arc<Vec<WaveRow>>>,
     },
     /// What the noise of a reference leaves to be measured is known. Told once a night for a reference with halves,
     /// before the first cell that is measured against it starts.
@@ -170,7 +174,12 @@ pub trait Sink {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError>;
 }
 
-/// Finds what earlier nights left.
+/// Writes the state of a renderer, and says whether it could: [`Renderer::save`](crate::render::Renderer::save).
+pub type Save<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
+
+/// Finds what earlier nights left, keeps what this one must not lose, and knows who else is at work.
+///
+/// What only some keep has a default: nothing is kept, and nobody else is there.
 pub trait History {
     /// The folder and final measurements of a finished run with this identity.
     fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
@@ -196,6 +205,36 @@ pub trait History {
     fn halves(&self, _plan: &Plan, _reference: usize) -> Result<Option<HalfImages>, SinkError> {
         Ok(None)
     }
+
+    /// Makes a run this process's own, so that no other one works on it, until [`History::release`].
+    ///
+    /// # Errors
+    /// When it cannot be known whether another process has it.
+    fn claim(&self, _plan: &Plan, _cell: CellRef) -> Result<Claim, SinkError> {
+        Ok(Claim::Ours)
+    }
+
+    /// Whether a claim that was granted still holds. It is lost when this process stood still for so long that others
+    /// took it for dead.
+    fn holds(&self, _plan: &Plan, _cell: CellRef) -> bool {
+        true
+    }
+
+    /// Gives a claim back.
+    fn release(&self, _plan: &Plan, _cell: CellRef) {}
+
+    /// The newest valid checkpoint of an unfinished run.
+    fn checkpoint(&self, _plan: &Plan, _cell: CellRef) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Keeps a checkpoint of a run that is claimed, and says whether it did.
+    ///
+    /// # Errors
+    /// When it could not be written; the one before is still there.
+    fn keep(&self, _plan: &Plan, _cell: CellRef, _standing: &Standing, _save: Save<'_>) -> Result<bool, SinkError> {
+        Ok(false)
+    }
 }
 
 /// A run that an earlier night finished.
@@ -215,6 +254,7 @@ pub struct Control {
     stop: AtomicU8,
     paused: AtomicBool,
     skip: AtomicBool,
+    checkpoint: AtomicBool,
 }
 
 impl Control {
@@ -241,6 +281,16 @@ impl Control {
     /// Asks the current cell to be given up.
     pub fn request_skip(&self) {
         self.skip.store(true, Ordering::SeqCst);
+    }
+
+    /// Asks for a checkpoint at the next opportunity.
+    pub fn request_checkpoint(&self) {
+        self.checkpoint.store(true, Ordering::SeqCst);
+    }
+
+    /// Takes the request for a checkpoint.
+    pub fn take_checkpoint(&self) -> bool {
+        self.checkpoint.swap(false, Ordering::SeqCst)
     }
 
     /// Takes the request to give up the current cell.

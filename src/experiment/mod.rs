@@ -9,6 +9,7 @@ pub mod floors;
 pub mod plan;
 pub mod run;
 pub mod spec;
+pub mod standing;
 pub mod stop;
 
 pub use event::{CellRef, Control, Event, History, Outcome, Sink, SinkError, WaveRow};

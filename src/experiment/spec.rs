@@ -9,6 +9,7 @@ use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::transport::camera::FilterSpec;
 use crate::value::Value;
+use crate::value::schema::duration_s;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
 pub type Point = Vec<(String, Value)>;
@@ -34,6 +35,8 @@ pub struct Spec {
     pub skips: Vec<String>,
     /// What is measured and kept.
     pub measure: Measure,
+    /// How its nights go.
+    pub night: NightSpec,
     /// Convergence figures.
     pub figures: Vec<FigureSpec>,
     /// Tables.
@@ -47,6 +50,48 @@ pub struct Axis {
     pub names: Vec<String>,
     /// Its steps: each holds one value for each name.
     pub steps: Vec<Vec<Value>>,
+}
+
+/// How the nights of an experiment go; nothing of it changes a result.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NightSpec {
+    /// Seconds of render time between two checkpoints of a cell. Without it, 60 s, and more where writing one takes so
+    /// long that it would cost over 1 % of the time.
+    pub checkpoint_s: Option<f64>,
+    /// When a night ends, finished or not.
+    pub deadline: Option<Deadline>,
+}
+
+/// When a night ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deadline {
+    /// At the next moment when local clocks show so many minutes after midnight, 0 to 1439.
+    Clock {
+        /// Minutes after midnight.
+        minutes: u16,
+    },
+    /// So many seconds after it began.
+    After {
+        /// Seconds.
+        seconds: u64,
+    },
+}
+
+impl Deadline {
+    /// Reads a deadline: text such as `08:00`, which is a time of day, or a duration.
+    pub fn parse(value: &Value) -> Option<Deadline> {
+        let clock = |text: &str| {
+            let (hours, minutes) = text.trim().split_once(':')?;
+            let short = |part: &str| (1..=2).contains(&part.len()) && part.bytes().all(|b| b.is_ascii_digit());
+            if !short(hours) || minutes.len() != 2 || !short(minutes) {
+                return None;
+            }
+            let (hours, minutes): (u16, u16) = (hours.parse().ok()?, minutes.parse().ok()?);
+            (hours < 24 && minutes < 60).then_some(Deadline::Clock { minutes: 60 * hours + minutes })
+        };
+        let after = || duration_s(value).filter(|s| *s > 0.0).map(|s| Deadline::After { seconds: s.ceil() as u64 });
+        value.as_str().and_then(clock).or_else(after)
+    }
 }
 
 /// What is measured during a run and what is kept of it.
@@ -146,6 +191,8 @@ pub struct CellConfig {
     pub scene: String,
     /// The scene's file, found.
     pub scene_file: PathBuf,
+    /// What is chosen of the options that a scene written in Lua offers.
+    pub scene_options: BTreeMap<String, Value>,
     /// Name of a row of [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS).
     pub integrator: String,
     /// Parameters of the integrator, checked against its row.

@@ -4,6 +4,7 @@
 
 pub mod layer;
 pub mod splat;
+pub mod state;
 
 use std::sync::Arc;
 

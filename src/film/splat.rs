@@ -4,7 +4,10 @@
 //! order is chance. Sums of floats would show that chance in their last bits; here every value becomes a whole number
 //! of fixed size first, and whole numbers add up the same in any order.
 
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use super::state::{Misfit, Saved, write_words};
 
 /// The greatest absolute value of one splat: 2^32. Greater ones are refused, like infinite ones.
 pub const MAX_SPLAT: f32 = 4_294_967_296.0;
@@ -31,6 +34,14 @@ impl Wide {
         let old = self.low.fetch_add(low, Relaxed);
         let high = ((x >> 64) as u64).wrapping_add(u64::from(old.checked_add(low).is_none()));
         high != 0 && self.high.fetch_add(high, Relaxed).checked_add(high).is_none()
+    }
+
+    fn of(words: [u64; 2]) -> Wide {
+        Wide { low: words[0].into(), high: words[1].into() }
+    }
+
+    fn words(&self) -> [u64; 2] {
+        [self.low.load(Relaxed), self.high.load(Relaxed)]
     }
 
     fn get(&self) -> u128 {
@@ -77,6 +88,18 @@ impl Splats {
         room
     }
 
+    fn save(&self, to: &mut dyn Write) -> io::Result<()> {
+        write_words(to, self.sums.iter().flatten().flat_map(Wide::words))
+    }
+
+    fn restore(pixels: usize, from: &mut Saved<'_>) -> Result<Splats, Misfit> {
+        let mut splats = Splats::new(pixels);
+        for sum in splats.sums.iter_mut().flatten() {
+            *sum = Wide::of([from.word()?, from.word()?]);
+        }
+        Ok(splats)
+    }
+
     /// The sum of a pixel.
     pub fn sum(&self, pixel: usize) -> [f64; 3] {
         [0, 1, 2].map(|c| self.sums[pixel][c].get() as i128 as f64 / SUM_SCALE)
@@ -105,6 +128,31 @@ impl SplatSums {
     #[must_use]
     pub fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
         self.sum.add(pixel, value) && self.sum2.add_square(pixel, value)
+    }
+
+    /// Writes the sums, if there are any.
+    ///
+    /// # Errors
+    /// As `to`.
+    pub fn save(splats: Option<&SplatSums>, to: &mut dyn Write) -> io::Result<()> {
+        write_words(to, [splats.map_or(0, |s| s.sum.sums.len() as u64)])?;
+        let Some(SplatSums { sum, sum2 }) = splats else { return Ok(()) };
+        sum.save(to)?;
+        sum2.save(to)
+    }
+
+    /// The sums that were written, if there were any, of so many pixels.
+    ///
+    /// # Errors
+    /// When they are of another number of pixels.
+    pub fn restore(pixels: usize, from: &mut Saved<'_>) -> Result<Option<SplatSums>, Misfit> {
+        match from.word()? {
+            0 => Ok(None),
+            saved if saved == pixels as u64 => {
+                Ok(Some(SplatSums { sum: Splats::restore(pixels, from)?, sum2: Splats::restore(pixels, from)? }))
+            }
+            _ => Err(Misfit),
+        }
     }
 
     /// The sums of a pixel and its sums of squares, of samples and splats together, given those of the `samples`

@@ -49,6 +49,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
             snapshots: Snapshots::Last,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
         script_text: String::new(),
@@ -75,6 +76,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         repeat,
         seed: 100 + index as u64,
         config: Arc::new(CellConfig {
+            scene_options: BTreeMap::new(),
             scene: "box".to_owned(),
             scene_file: PathBuf::from("scenes/box.scn"),
             integrator,
@@ -89,6 +91,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             backend: "mock".to_owned(),
         }),
         scene: Arc::new(SceneDesc {
+            views: Vec::new(),
             resolution: [64, 36],
             max_depth: 5,
             camera,

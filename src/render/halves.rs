@@ -5,11 +5,13 @@
 //! independent: those of `sobol` keep out of each other's way, so that halves of them would differ by more than the
 //! noise of the whole.
 
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::{OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
 use crate::film::layer::LayerFilm;
+use crate::film::state::{Misfit, write_words};
 
 /// Two runs of one job with different seeds, seen as one run whose samples are dealt out evenly; the first half gets
 /// the odd one. Both are open at once, so a scene's hierarchy is in memory twice while its reference is rendered.
@@ -71,6 +73,39 @@ impl Renderer for Halves {
     fn layer(&self, index: usize) -> Option<Film> {
         let [first, second] = [0, 1].map(|i: usize| self.parts[i].layer(index));
         Some(Film::pooled(&first?, &second?))
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        // Both or nothing, so what one half writes is held until the other has written too.
+        let mut states = [Vec::new(), Vec::new()];
+        for (part, state) in self.parts.iter().zip(&mut states) {
+            if !part.save(state)? {
+                return Ok(false);
+            }
+        }
+        for state in &states {
+            write_words(to, [state.len() as u64])?;
+            to.write_all(state)?;
+        }
+        Ok(true)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        let misfit = || RenderError::Failed { backend: "halves", reason: Misfit.to_string() };
+        let mut rest = state;
+        for part in &mut self.parts {
+            let (length, after) = rest.split_first_chunk().ok_or_else(misfit)?;
+            let length = usize::try_from(u64::from_ne_bytes(*length)).map_err(|_| misfit())?;
+            let (own, after) = after.split_at_checked(length).ok_or_else(misfit)?;
+            part.restore(own)?;
+            rest = after;
+        }
+        let counts = [0, 1].map(|i: usize| self.parts[i].film().samples);
+        if !rest.is_empty() || counts != Halves::split(counts[0] + counts[1]) {
+            return Err(misfit());
+        }
+        self.joint = Film::pooled(self.parts[0].film(), self.parts[1].film());
+        Ok(())
     }
 
     fn open_stats(&self) -> &OpenStats {

@@ -7,10 +7,12 @@
 //! every camera path; nothing ever sleeps.
 
 use std::f64::consts::TAU;
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::{BackendRow, Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
+use crate::film::state::Saved;
 use crate::scene::CompiledScene;
 
 /// Fake render time of one camera path, in seconds.
@@ -113,6 +115,17 @@ impl Renderer for MockRenderer {
 
     fn film(&self) -> &Film {
         &self.film
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        self.film.save(to)?;
+        Ok(true)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        let mut from = Saved::new(state);
+        let taken = self.film.restore(&mut from).and_then(|()| from.end());
+        taken.map_err(|e| RenderError::Failed { backend: "mock", reason: e.to_string() })
     }
 
     fn open_stats(&self) -> &OpenStats {

@@ -8,6 +8,7 @@ pub mod halves;
 pub mod mock;
 
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use crate::film::Film;
@@ -118,6 +119,24 @@ pub trait Renderer: Send {
     /// The sums so far of film `index` of [`Renderer::layers`]; `None` if there is no such film.
     fn layer(&self, _index: usize) -> Option<Film> {
         None
+    }
+
+    /// Writes all that another renderer of the same job needs to go on to the same bits, and says whether it did: a
+    /// backend that cannot writes nothing, and what is cut off starts again.
+    ///
+    /// # Errors
+    /// As `to`.
+    fn save(&self, _to: &mut dyn Write) -> io::Result<bool> {
+        Ok(false)
+    }
+
+    /// Takes what a renderer of the same job on the same backend has written by [`Renderer::save`], before the first
+    /// wave.
+    ///
+    /// # Errors
+    /// When it does not fit; this renderer is then worthless.
+    fn restore(&mut self, _state: &[u8]) -> Result<(), RenderError> {
+        Err(RenderError::Unsupported { backend: "this", reason: "it cannot go on from a checkpoint".to_owned() })
     }
 
     /// What opening cost.

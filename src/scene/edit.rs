@@ -188,7 +188,7 @@ fn vector(v: &Value) -> Vec3 {
 }
 
 /// Sets one value by its path: one of [`SCENE_PARAMS`], `materials.NAME.PARAM`, `materials.*.PARAM` (every material
-/// that emits nothing), `entities.NAME.PARAM`, `lights.NAME.PARAM` or `environment.PARAM`. `PARAM` of a material is also
+/// that emits nothing), `entities.NAME.PARAM`, `lights.NAME.PARAM`, `environment.PARAM`, or `camera` to the name of a view. `PARAM` of a material is also
 /// a texture slot, whose value is a file relative to the current folder.
 ///
 /// # Errors
@@ -210,11 +210,28 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
         "entities" => set_entity(desc, path, rest, value),
         "lights" => lights::set_light(desc, path, rest, value),
         "environment" => lights::set_environment(desc, path, rest, value),
+        "camera" if rest.is_empty() => set_view(desc, path, value),
         "camera" => {
             let known = SCENE_PARAMS.iter().filter_map(|row| row.path.strip_prefix("camera."));
             Err(unknown_key(path, rest, known))
         }
         _ => Err(unknown_name(path, head, "setting", heads())),
+    }
+}
+
+/// Puts a named view in the place of the camera.
+fn set_view(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), SchemaError> {
+    Ty::Str.check(path, path, value)?;
+    let name = value.as_str().unwrap_or_default();
+    match desc.views.iter().find(|(known, _)| known == name) {
+        Some((_, camera)) => {
+            desc.camera = camera.clone();
+            Ok(())
+        }
+        None if desc.views.is_empty() => {
+            Err(problem(path, name, format!("the scene has no views, and so no `{name}`")))
+        }
+        None => Err(unknown_name(path, name, "view", desc.views.iter().map(|(known, _)| known.as_str()))),
     }
 }
 

@@ -8,6 +8,7 @@ pub mod compile;
 pub mod desc;
 pub mod edit;
 pub mod load;
+pub mod noise;
 pub mod shape;
 
 use std::path::PathBuf;
@@ -64,6 +65,9 @@ pub enum SceneError {
         /// The known extensions.
         known: String,
     },
+    /// A scene written in Lua is wrong; the text names file and line.
+    #[error("{0}")]
+    Script(String),
     /// A change by path (`set`) names nothing in the scene, or has a value of the wrong kind.
     #[error(transparent)]
     Edit(#[from] crate::value::schema::SchemaError),

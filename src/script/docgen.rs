@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::api::{ApiFn, FUNCTIONS, Param, experiment, measure, render, report, stop};
+use super::scene;
 use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
 use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
@@ -19,6 +20,10 @@ const TABLES: &[&Table] = &[
     &stop::WHEN,
     &report::FIGURE,
     &report::TABLE,
+    &scene::PLACE,
+    &scene::PART,
+    &scene::PAINT,
+    &scene::SCATTER,
 ];
 
 const HEAD: &str = "\
@@ -48,6 +53,22 @@ const HEAD: &str = "\
 ---A value of x:table. Made by time_to.
 ---@class TimeTo
 
+---A shape. Made by the functions of `shape`.
+---@class Shape
+
+---Shapes and groups that belong together. Made by group.
+---@class Group
+
+---A picture on a surface, or around the scene. Made by the functions of `texture`.
+---@class Texture
+
+---Random numbers that are the same every time. Made by random.
+---@class Random
+---@field next fun(self: Random): number at least 0 and below 1
+---@field between fun(self: Random, a: number, b: number): number
+---@field integer fun(self: Random, a: integer, b: integer): integer both ends included
+---@field pick fun(self: Random, list: any[]): any
+
 ---From radiance to what is shown. Made by the functions of `tonemap`.
 ---@class Tonemap
 ---@field kind string
@@ -62,12 +83,13 @@ pub fn lua() -> String {
         class(&mut out, &mut written, &row.params, "", &[]);
     }
     let integrators: Vec<&str> = INTEGRATORS.iter().map(|row| row.params.name).collect();
-    for table in TABLES {
+    for table in tables() {
         let parents = if table.name == render::RENDER.name { integrators.join(", ") } else { String::new() };
         let more = if table.name == measure::MEASURE.name { &["---@field [string] Metric"] as &[_] } else { &[] };
         class(&mut out, &mut written, table, &parents, more);
     }
     render_changes(&mut out, &integrators);
+    scene_material(&mut out);
     constructors(&mut out, &mut written);
     functions(&mut out);
     material_paths(&mut out);
@@ -98,6 +120,30 @@ fn render_changes(out: &mut String, integrators: &[&str]) {
     line(out, format_args!("---@class RenderChanges: {}", integrators.join(", ")));
     for field in render::RENDER.fields {
         line(out, format_args!("---{}", field_line(&Field { required: false, default: "the cell's", ..*field })));
+    }
+    out.push('\n');
+}
+
+/// Every table of options.
+fn tables() -> impl Iterator<Item = &'static Table> {
+    TABLES.iter().chain(scene::SHAPE_TABLES).chain(scene::OBJECT_TABLES).copied()
+}
+
+/// What `s:material` takes: its own options, every parameter, every texture.
+fn scene_material(out: &mut String) {
+    line(out, format_args!("---A material of a scene."));
+    line(out, format_args!("---@class SceneMaterial"));
+    for field in scene::MATERIAL_OPTIONS.fields {
+        line(out, format_args!("---{}", field_line(field)));
+    }
+    for param in MATERIAL_PARAMS {
+        line(out, format_args!("---@field {}? {} {}", param.name, lua_type(&param.ty), param.doc));
+    }
+    for slot in TextureSlot::ALL {
+        line(
+            out,
+            format_args!("---@field {}? string|Texture an image of the scene's folder, or a texture", slot.name()),
+        );
     }
     out.push('\n');
 }
@@ -180,11 +226,17 @@ fn constructors(out: &mut String, written: &mut BTreeSet<&'static str>) {
 }
 
 fn functions(out: &mut String) {
-    out.push_str("stop = {}\n\n");
-    FUNCTIONS.iter().copied().flatten().for_each(|row| function(out, row, row.name));
+    out.push_str("stop = {}\n\nshape = {}\n\ntexture = {}\n\n");
+    FUNCTIONS.iter().chain(scene::FUNCTIONS).copied().flatten().for_each(|row| function(out, row, row.name));
     out.push_str("---What experiment(..) returns, and what a script must return.\n---@class Experiment\nlocal Experiment = {}\n\n");
     for row in experiment::METHODS.iter().copied().flatten() {
         function(out, row, &row.name.replace("x:", "Experiment:"));
+    }
+    out.push_str(
+        "---What scene {..} returns, and what a scene's file must return.\n---@class Scene\nlocal Scene = {}\n\n",
+    );
+    for row in scene::METHODS {
+        function(out, row, &row.name.replace("s:", "Scene:"));
     }
 }
 
@@ -239,8 +291,7 @@ mod tests {
     fn every_field_function_and_row_is_written() {
         let text = lua();
         let rows = METRICS.iter().map(|m| &m.options).chain(TONEMAPS.iter().map(|(_, t)| t));
-        let tables: Vec<&Table> =
-            TABLES.iter().copied().chain(rows).chain(INTEGRATORS.iter().map(|i| &i.params)).collect();
+        let tables: Vec<&Table> = tables().chain(rows).chain(INTEGRATORS.iter().map(|i| &i.params)).collect();
         for table in tables {
             assert!(text.contains(&format!("---@class {}", table.name)), "{}", table.name);
             each_field(table, &mut |table, field| {
@@ -249,7 +300,8 @@ mod tests {
                 assert!(!field.doc.is_empty(), "{}.{} has no documentation", table.name, field.key);
             });
         }
-        for row in FUNCTIONS.iter().chain(experiment::METHODS).copied().flatten() {
+        let functions = FUNCTIONS.iter().chain(experiment::METHODS).chain(scene::FUNCTIONS).copied().flatten();
+        for row in functions.chain(scene::METHODS) {
             assert!(text.contains(row.doc), "{}", row.name);
             assert!(row.params.iter().all(|p| text.contains(p.doc)), "{}", row.name);
         }

@@ -61,6 +61,15 @@ pub enum Problem {
         /// What it returned.
         found: String,
     },
+    /// An experiment was expected, and it describes a scene.
+    #[error("this is a scene, not an experiment")]
+    IsScene,
+    /// A scene was expected, and it did not end with one.
+    #[error("the file returned {found}: a scene ends with `return s`")]
+    NoScene {
+        /// What it returned.
+        found: String,
+    },
     /// A field or an argument is wrong.
     #[error("{path}: {problem}")]
     Field {
@@ -159,6 +168,8 @@ impl Diagnostic for ScriptError {
             Problem::Time { .. } => "script::time_limit",
             Problem::Memory { .. } => "script::memory_limit",
             Problem::NoExperiment { .. } => "script::no_experiment",
+            Problem::IsScene => "script::is_scene",
+            Problem::NoScene { .. } => "script::no_scene",
             Problem::Field { .. } => "script::field",
         };
         Some(Box::new(code))

@@ -235,7 +235,7 @@ impl Script {
 }
 
 /// A plain value as Lua has it.
-fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
+pub(super) fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
     Ok(match value {
         Value::Nil => LuaValue::Nil,
         Value::Bool(b) => LuaValue::Boolean(*b),

@@ -19,6 +19,7 @@ mod hooks;
 mod limits;
 mod locate;
 mod require;
+pub mod scene;
 mod source;
 mod state;
 mod strict;
@@ -35,7 +36,7 @@ pub use limits::Limits;
 
 use crate::experiment::Spec;
 use api::builder::Builder;
-use state::Shared;
+use state::{Purpose, Shared};
 
 /// A script that was read: its experiment, and its functions.
 ///
@@ -64,10 +65,6 @@ pub fn load(path: &Path) -> Result<Script, ScriptError> {
 /// Whatever is wrong with it; see [`Problem`].
 pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
     let text = source::read(path)?;
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    };
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut sources = source::Sources::default();
     sources.add(&name, path, text.clone());
@@ -75,9 +72,11 @@ pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
         limits,
         watch: limits::Watch::default(),
         sources: RefCell::new(sources),
-        folder,
+        folder: folder_of(path),
         loading: Cell::new(true),
+        purpose: Purpose::Experiment,
         builder: RefCell::new(Builder::default()),
+        scene: RefCell::default(),
         requiring: RefCell::default(),
         predicates: RefCell::default(),
     });
@@ -91,6 +90,14 @@ pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
     let spec = finish(&shared, &returned, path, text)?;
     let points = hooks::point_metatable(&lua, &shared).map_err(|e| shared.convert(&e))?;
     Ok(Script { spec, shared, points, lua })
+}
+
+/// The folder of a script, from which its modules and files are found.
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    }
 }
 
 /// Checks that the script returned its experiment and that its parts fit together, and makes the spec.
@@ -120,6 +127,7 @@ fn finish(shared: &Shared, returned: &LuaValue, path: &Path, script_text: String
         axes: builder.axes.clone(),
         skips: builder.skips.iter().map(|(reason, _)| reason.clone()).collect(),
         measure: builder.measure.as_ref().map_or_else(api::measure::nothing, |(m, _)| m.clone()),
+        night: builder.night.clone(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
     })

@@ -1,6 +1,7 @@
 //! A Lua state that can reach nothing outside itself, and what its functions share.
 
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::rc::Rc;
 
@@ -10,14 +11,30 @@ use super::api::builder::Builder;
 use super::api::stop::Predicates;
 use super::error::{Problem, ScriptError};
 use super::limits::{Limits, Watch, pattern_is_quick};
+use super::scene::SceneBuilder;
 use super::source::{Place, Sources};
-use crate::value::suggest;
+use crate::scene::load::Missing;
+use crate::value::{Value, suggest};
 
 /// Instructions between two looks at the clock. Few, because one instruction can copy a string of many MiB.
 const INSTRUCTIONS: u32 = 200;
 
 /// Longest message of a script's own `error` that is shown, in bytes.
 const MAX_MESSAGE: usize = 2000;
+
+/// What a file is read for.
+#[derive(Clone, Debug)]
+pub enum Purpose {
+    /// It describes an experiment.
+    Experiment,
+    /// It describes a scene.
+    Scene {
+        /// What the experiment chose of what the scene offers.
+        options: BTreeMap<String, Value>,
+        /// What becomes of textures that cannot be read, in scenes that it imports.
+        missing: Missing,
+    },
+}
 
 /// What every function of the script room can reach.
 #[derive(Debug)]
@@ -32,8 +49,12 @@ pub struct Shared {
     pub folder: PathBuf,
     /// Whether the script is still being read: only then may it describe its experiment.
     pub loading: Cell<bool>,
-    /// What it has said so far.
+    /// What it is read for.
+    pub purpose: Purpose,
+    /// What it has said so far of an experiment.
     pub builder: RefCell<Builder>,
+    /// What it has said so far of a scene.
+    pub scene: RefCell<SceneBuilder>,
     /// The modules that are being loaded, outermost first.
     pub requiring: RefCell<Vec<String>>,
     /// The predicates that stop rules name by number.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{FILMS, HALVES, NOISE, layout, rows};
+use super::{FILMS, HALVES, NOISE, layout, rows, seal};
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
@@ -22,6 +22,8 @@ pub type Decode = fn(&[u8]) -> Result<Image, String>;
 pub struct Archive {
     out: PathBuf,
     own: Option<PathBuf>,
+    /// What reading every byte of a finished run came to, by its folder; without it sizes are enough.
+    inspected: Option<RefCell<BTreeMap<PathBuf, bool>>>,
     decode: Decode,
     /// Folders of finished runs by experiment name and run id, filled when a name is first asked for.
     index: RefCell<BTreeMap<String, BTreeMap<String, PathBuf>>>,
@@ -30,12 +32,13 @@ pub struct Archive {
 impl Archive {
     /// What lies below `out`, which need not exist.
     pub fn new(out: &Path, decode: Decode) -> Archive {
-        Archive { out: out.to_owned(), own: None, decode, index: RefCell::default() }
+        Archive { out: out.to_owned(), own: None, inspected: None, decode, index: RefCell::default() }
     }
 
-    /// The same, looking into one experiment's folder first and always afresh.
+    /// The same, looking into one experiment's folder first and always afresh, and taking nothing for finished whose
+    /// bytes have changed.
     pub(super) fn for_experiment(out: &Path, own: &Path, decode: Decode) -> Archive {
-        Archive { own: Some(own.to_owned()), ..Archive::new(out, decode) }
+        Archive { own: Some(own.to_owned()), inspected: Some(RefCell::default()), ..Archive::new(out, decode) }
     }
 
     /// Remembers where a run is about to be written, so that its twin in the same plan finds it.
@@ -63,6 +66,25 @@ impl Archive {
         let bytes = fs::read(file).map_err(|e| format!("cannot be read: {e}"))?;
         (self.decode)(&bytes)
     }
+
+    /// A finished run whose files are what they were when it was finished, if that is looked at.
+    fn whole(&self, run: FinishedRun) -> Option<FinishedRun> {
+        let Some(inspected) = &self.inspected else { return Some(run) };
+        let known = inspected.borrow().get(&run.folder).copied();
+        let whole = known.unwrap_or_else(|| {
+            let marker = ["done.json", "ref.json"].iter().find_map(|name| read_json(&run.folder.join(name)));
+            let problem = seal::inspect(&run.folder, &marker.unwrap_or_default()).err();
+            if let Some(problem) = &problem {
+                tracing::warn!("{}: {problem}; the run is rendered again", run.folder.display());
+            }
+            problem.is_none()
+        });
+        if whole {
+            // What is found damaged is looked at again: it is about to be rendered.
+            inspected.borrow_mut().insert(run.folder.clone(), true);
+        }
+        whole.then_some(run)
+    }
 }
 
 impl History for Archive {
@@ -71,14 +93,15 @@ impl History for Archive {
             CellRef::Cell(i) => {
                 let cell = plan.cells.get(i)?;
                 let columns = if cell.reference.is_some() { plan.columns() } else { Vec::new() };
-                let look = |folder: PathBuf| finished(&folder, &cell.id.0, "done.json", "final.exr", &columns);
+                let look =
+                    |folder: PathBuf| self.whole(finished(&folder, &cell.id.0, "done.json", "final.exr", &columns)?);
                 let here = self.own.as_ref().and_then(|own| look(layout::run_folder(own, cell)));
                 here.or_else(|| look(self.indexed(&plan.name, &cell.id.0)?))
             }
             CellRef::Reference(i) => {
                 let reference = plan.references.get(i)?;
                 let folder = layout::reference_folder(&self.out, &reference.id);
-                finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[])
+                self.whole(finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[])?)
             }
         }
     }
@@ -122,7 +145,7 @@ impl History for Archive {
 /// are there, and its measurements can be read and have the columns that are asked for.
 fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[String]) -> Option<FinishedRun> {
     let done = read_json(&folder.join(marker))?;
-    if done["run"].as_str() != Some(id) || !folder.join(picture).is_file() {
+    if done["run"].as_str() != Some(id) || !folder.join(picture).is_file() || seal::glance(folder, &done).is_err() {
         return None;
     }
     let names = done["films"].as_array().into_iter().flatten();

@@ -96,6 +96,7 @@ fn config_json(config: &CellConfig) -> Json {
     json!({
         "scene": config.scene,
         "scene_file": config.scene_file.display().to_string(),
+        "scene_options": Value::Map(config.scene_options.clone()).to_json(),
         "integrator": config.integrator,
         "params": Value::Map(config.params.clone()).to_json(),
         "max_depth": config.max_depth,

@@ -1,46 +1,57 @@
-//! The folder of one experiment: found or made, locked, and written to.
+//! The folder of one experiment: found or made, shared, and written to.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
 use super::archive::{Archive, Decode, read_json};
+use super::checkpoint::{self, Turn};
+use super::claim::Claims;
+use super::failure::{self, FailureRecord};
 use super::journal::Journal;
 use super::run::{RunWriter, pretty};
 use super::{Host, StoreError, cell_json, layout, plan_json, write};
-use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::event::{FinishedRun, History, Save};
 use crate::experiment::floors::HalfImages;
+use crate::experiment::standing::{Checkpoint, Claim, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
 
-/// An experiment's folder, held by this process alone.
+/// An experiment's folder, in which any number of processes work at once, each on other runs.
 #[derive(Debug)]
 pub struct Store {
     folder: PathBuf,
     out: PathBuf,
     archive: Archive,
     journal: RefCell<Journal>,
-    /// Holding it is holding the lock.
+    claims: Claims,
+    /// Which slot of the checkpoints of a run is next, by run id.
+    turns: RefCell<BTreeMap<String, Turn>>,
+    /// Shared by all who work here.
     _lock: File,
 }
 
 impl Store {
-    /// Finds or makes the folder of a plan below `out`, locks it, and writes what describes it.
+    /// Finds or makes the folder of a plan below `out`, and writes what describes it.
     ///
     /// The folder is `<name>-<first 4 digits of the plan's hash>`; where another plan has that name already, more
     /// digits are used.
     ///
     /// # Errors
-    /// When nothing can be written there, or another process holds the folder. Both are found here, before rendering.
+    /// When nothing can be written there. That is found here, before rendering.
     pub fn open(out: &Path, plan: &Plan, decode: Decode) -> Result<Store, StoreError> {
         write::probe(out)?;
-        let (folder, lock) = claim(out, plan)?;
+        let (folder, lock, alone) = home(out, plan)?;
         write::probe(&folder)?;
         for used in ["", "figures", "tables"] {
-            write::sweep_temporaries(&folder.join(used));
+            if alone {
+                write::sweep_temporaries(&folder.join(used));
+            } else {
+                write::sweep_old_temporaries(&folder.join(used));
+            }
         }
         write::if_changed(&folder.join("plan.json"), pretty(&plan_json(plan)).as_bytes())?;
         write::if_changed(&folder.join("experiment.lua"), plan.script_text.as_bytes())?;
@@ -48,8 +59,12 @@ impl Store {
         if let Err(e) = point_latest(out, &folder) {
             tracing::warn!("{} was not updated: {e}", out.join("latest").display());
         }
+        if alone && let Err(e) = lock.lock_shared() {
+            tracing::warn!("{} cannot be shared: {e}", folder.display());
+        }
         let archive = Archive::for_experiment(out, &folder, decode);
-        Ok(Store { folder, out: out.to_owned(), archive, journal, _lock: lock })
+        let turns = RefCell::default();
+        Ok(Store { folder, out: out.to_owned(), archive, journal, claims: Claims::new(), turns, _lock: lock })
     }
 
     /// The experiment's folder.
@@ -57,22 +72,44 @@ impl Store {
         &self.folder
     }
 
-    /// Starts a run or a reference: its folder, emptied of what an unfinished run left, with its `config.json`.
+    /// Starts a run or a reference: its folder, emptied of what an unfinished run left, with its `config.json`. A run
+    /// that goes on from a checkpoint, `kept` samples per pixel being measured, keeps what it has up to there.
     ///
     /// # Errors
     /// When the folder cannot be made or written.
-    pub fn start(&self, plan: &Plan, cell: CellRef) -> Result<RunWriter, StoreError> {
+    pub fn start(&self, plan: &Plan, cell: CellRef, kept: Option<u64>) -> Result<RunWriter, StoreError> {
         let config = cell_json(plan, cell);
+        let folder = self.place(plan, cell);
+        failure::forget(&folder);
         match cell {
             CellRef::Cell(i) => {
-                let folder = layout::run_folder(&self.folder, &plan.cells[i]);
                 self.archive.expect(&plan.name, &plan.cells[i].id.0, &folder);
-                RunWriter::create(folder, &config)
+                RunWriter::create(folder, &config, kept)
             }
-            CellRef::Reference(i) => {
-                let folder = layout::reference_folder(&self.out, &plan.references[i].id);
-                RunWriter::shared(folder, "ref.json", &config)
-            }
+            CellRef::Reference(_) => RunWriter::shared(folder, "ref.json", &config),
+        }
+    }
+
+    /// Records that a run failed: the reason, with the last lines of its log, and what it was to be.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn fail(&self, plan: &Plan, cell: CellRef, reason: &str) -> Result<(), StoreError> {
+        let folder = self.place(plan, cell);
+        write::if_changed(&folder.join("config.json"), pretty(&cell_json(plan, cell)).as_bytes())?;
+        failure::record(&folder, &plan.id(cell).0, reason)
+    }
+
+    /// Why the last try of a run failed, if it did and the run is not done since.
+    pub fn failure(&self, plan: &Plan, cell: CellRef) -> Option<FailureRecord> {
+        failure::read(&self.place(plan, cell))
+    }
+
+    /// The folder of a run or a reference, whether or not it is there.
+    fn place(&self, plan: &Plan, cell: CellRef) -> PathBuf {
+        match cell {
+            CellRef::Cell(i) => layout::run_folder(&self.folder, &plan.cells[i]),
+            CellRef::Reference(i) => layout::reference_folder(&self.out, &plan.references[i].id),
         }
     }
 
@@ -93,7 +130,7 @@ impl Store {
         write::if_changed(&folder.join(name), bytes)
     }
 
-    /// Records the machine in `env.json`; called when a night really renders something.
+    /// Records the machine and the command in `env.json`.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -126,6 +163,36 @@ impl History for Store {
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
         self.archive.halves(plan, reference)
     }
+
+    fn claim(&self, plan: &Plan, cell: CellRef) -> Result<Claim, SinkError> {
+        self.claims.take(&self.place(plan, cell)).map_err(|e| SinkError(e.to_string()))
+    }
+
+    fn holds(&self, plan: &Plan, cell: CellRef) -> bool {
+        self.claims.holds(&self.place(plan, cell))
+    }
+
+    fn release(&self, plan: &Plan, cell: CellRef) {
+        self.claims.release(&self.place(plan, cell));
+    }
+
+    fn checkpoint(&self, plan: &Plan, cell: CellRef) -> Option<Checkpoint> {
+        let run = &plan.id(cell).0;
+        let (found, turn, damaged) = checkpoint::load(&self.place(plan, cell), run);
+        self.turns.borrow_mut().insert(run.clone(), turn);
+        for path in damaged {
+            let rest = if found.is_some() { "the one before it counts" } else { "its run starts again" };
+            tracing::warn!("{} is damaged: {rest}", path.display());
+        }
+        found
+    }
+
+    fn keep(&self, plan: &Plan, cell: CellRef, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+        let run = &plan.id(cell).0;
+        let mut turns = self.turns.borrow_mut();
+        let turn = turns.entry(run.clone()).or_default();
+        checkpoint::save(&self.place(plan, cell), run, turn, standing, save).map_err(|e| SinkError(e.to_string()))
+    }
 }
 
 /// Whose folder this is, as far as it says.
@@ -141,14 +208,18 @@ enum Owner {
 fn owner(folder: &Path, hash: &str) -> Owner {
     match read_json(&folder.join("plan.json")) {
         Some(plan) if plan["hash"].as_str() == Some(hash) => Owner::Us,
-        Some(_) => Owner::Other,
-        None if folder.join("runs").exists() => Owner::Other,
-        None => Owner::Nobody,
+        // What is not whole does not say whose it is, but any run does.
+        plan => match layout::any_run_below(&folder.join("runs")).and_then(|run| read_json(&run.join("config.json"))) {
+            Some(config) if config["plan"].as_str() == Some(hash) => Owner::Us,
+            None if plan.is_none() && !folder.join("runs").exists() => Owner::Nobody,
+            _ => Owner::Other,
+        },
     }
 }
 
-/// The folder and its lock, with as few digits of the hash as are free.
-fn claim(out: &Path, plan: &Plan) -> Result<(PathBuf, File), StoreError> {
+/// The folder and its lock, with as few digits of the hash as are free, and whether nobody else works in it. The lock is
+/// then exclusive, and to be shared once the folder is in order.
+fn home(out: &Path, plan: &Plan) -> Result<(PathBuf, File, bool), StoreError> {
     let unwritable =
         |path: &Path, e: &std::io::Error| StoreError::Unwritable { path: path.to_owned(), reason: e.to_string() };
     let mut digits = layout::HASH_DIGITS;
@@ -159,38 +230,41 @@ fn claim(out: &Path, plan: &Plan) -> Result<(PathBuf, File), StoreError> {
         let taken = |folder: &Path| matches!(owner(folder, &plan.hash), Owner::Other) && !last;
         if !taken(&folder) {
             fs::create_dir_all(&folder).map_err(|e| unwritable(&folder, &e))?;
-            let lock = lock(&folder)?;
-            // Between the look and the lock, another process may have moved in and out again.
+            let (lock, alone) = lock(&folder)?;
+            // Between the look and the lock, another process may have moved in.
             if !taken(&folder) {
-                return Ok((folder, lock));
+                return Ok((folder, lock, alone));
             }
         }
         digits += 1;
     }
 }
 
-fn lock(folder: &Path) -> Result<File, StoreError> {
+/// The lock of a folder: exclusive and true if nobody has it, shared with those who do otherwise.
+fn lock(folder: &Path) -> Result<(File, bool), StoreError> {
     let path = folder.join("lock");
     let unwritable = |e: &std::io::Error| StoreError::Unwritable { path: path.clone(), reason: e.to_string() };
-    let mut file = OpenOptions::new()
+    let file = OpenOptions::new()
         .create(true)
         .read(true)
         .write(true)
         .truncate(false)
         .open(&path)
         .map_err(|e| unwritable(&e))?;
-    match file.try_lock() {
-        Ok(()) => {}
+    let alone = match file.try_lock() {
+        Ok(()) => true,
         Err(TryLockError::WouldBlock) => {
-            let holder = fs::read_to_string(&path).unwrap_or_default();
-            let holder = holder.trim().parse::<u32>().map(|pid| format!(" (process {pid})")).unwrap_or_default();
-            return Err(StoreError::Locked { folder: folder.to_owned(), holder });
+            // Whoever has it alone only puts the folder in order.
+            file.lock_shared().map_err(|e| unwritable(&e))?;
+            false
         }
         // Some network file systems have no locks; the night is worth more than the guard.
-        Err(TryLockError::Error(e)) => tracing::warn!("{} cannot be locked: {e}", path.display()),
-    }
-    file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id())).map_err(|e| unwritable(&e))?;
-    Ok(file)
+        Err(TryLockError::Error(e)) => {
+            tracing::warn!("{} cannot be locked: {e}", path.display());
+            false
+        }
+    };
+    Ok((file, alone))
 }
 
 /// Points `out/latest` at the folder: a link where there are links, a text file with the name elsewhere.

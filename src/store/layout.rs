@@ -59,6 +59,18 @@ pub(super) fn runs_below(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
+/// One run folder below `folder`, whichever is found first.
+pub(super) fn any_run_below(folder: &Path) -> Option<PathBuf> {
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        if next.join("config.json").is_file() {
+            return Some(next);
+        }
+        open.extend(folders_in(&next));
+    }
+    None
+}
+
 /// A relative path that is safe on every file system and cannot leave its folder. What makes two runs different is
 /// their id, so that two values may well come to look alike here.
 pub(super) fn safe(path: &str) -> PathBuf {

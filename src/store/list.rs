@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value as Json;
 
 use super::archive::{first_invalid, read_json};
-use super::{FILMS, StoreError, journal, layout, rows};
+use super::{FILMS, StoreError, failure, layout, rows};
 use crate::experiment::WaveRow;
 
 /// How far a run is.
@@ -91,7 +91,6 @@ pub fn list(out: &Path) -> Vec<ExperimentEntry> {
 
 fn entry(out: &Path, folder: &Path, plan: &Json, finished: &BTreeMap<(String, String), PathBuf>) -> ExperimentEntry {
     let name = text(&plan["name"]);
-    let failures = journal::failures(&folder.join("journal.jsonl"));
     let state = |run: &str, place: &Path, marker: &str| -> (RunState, Option<Json>) {
         if let Some(done) = read_json(&place.join(marker)) {
             return (RunState::Done(text(&done["reason"])), Some(done));
@@ -99,8 +98,8 @@ fn entry(out: &Path, folder: &Path, plan: &Json, finished: &BTreeMap<(String, St
         if let Some(other) = finished.get(&(name.clone(), run.to_owned())) {
             return (RunState::Elsewhere(other.clone()), read_json(&other.join("done.json")));
         }
-        let state = match failures.get(run) {
-            Some(reason) => RunState::Failed(reason.clone()),
+        let state = match failure::read(place) {
+            Some(failure) => RunState::Failed(failure.reason),
             None if place.exists() => RunState::Unfinished,
             None => RunState::Pending,
         };
@@ -192,7 +191,8 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
 }
 
 fn record(folder: &Path) -> Result<RunRecord, StoreError> {
-    let broken = |name: &str, reason: String| StoreError::Io { action: "read", path: folder.join(name), reason };
+    let broken =
+        |name: &str, reason: String| StoreError::Io { action: "read", path: folder.join(name), reason, full: false };
     let config = read_json(&folder.join("config.json"))
         .ok_or_else(|| broken("config.json", "it is not whole JSON".to_owned()))?;
     let done = read_json(&folder.join("done.json")).or_else(|| read_json(&folder.join("ref.json")));

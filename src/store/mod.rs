@@ -15,23 +15,31 @@
 //! This room knows no image format: pictures come and go as bytes, and the decoder is handed in.
 
 mod archive;
+mod checkpoint;
+mod claim;
+mod condition;
 mod describe;
 mod experiment;
+mod failure;
 mod host;
 mod journal;
 mod layout;
 mod list;
 pub mod rows;
 mod run;
+mod seal;
 #[cfg(test)]
 mod tests;
 mod write;
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 pub use archive::{Archive, Decode};
+pub use condition::{Condition, condition};
 pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
+pub use failure::{FailureRecord, LOG_LINES};
 pub use host::{Host, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, list, read_run};
 pub use run::{FILMS, HALVES, NOISE, RunWriter};
@@ -51,14 +59,6 @@ pub enum StoreError {
         /// What the system said.
         reason: String,
     },
-    /// Another process is at work in the same experiment folder.
-    #[error("{} is in use by another lumbre{holder}; wait for it to end, or use another --out DIR", folder.display())]
-    Locked {
-        /// The folder.
-        folder: PathBuf,
-        /// ` (process N)`, or nothing if it cannot be known.
-        holder: String,
-    },
     /// A file operation failed.
     #[error("cannot {action} {}: {reason}", path.display())]
     Io {
@@ -68,6 +68,8 @@ pub enum StoreError {
         path: PathBuf,
         /// What the system said.
         reason: String,
+        /// Whether there was no space left: it may come back.
+        full: bool,
     },
     /// No run matches.
     #[error("no run matches `{what}` in {}{hint}", out.display())]
@@ -92,6 +94,12 @@ pub enum StoreError {
 impl StoreError {
     /// The error of a failed file operation.
     fn io(action: &'static str, path: &std::path::Path, error: &std::io::Error) -> StoreError {
-        StoreError::Io { action, path: path.to_owned(), reason: error.to_string() }
+        let full = matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
+        StoreError::Io { action, path: path.to_owned(), reason: error.to_string(), full }
+    }
+
+    /// Whether the disk, or a quota on it, is full.
+    pub fn is_full(&self) -> bool {
+        matches!(self, StoreError::Io { full: true, .. })
     }
 }

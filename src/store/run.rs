@@ -1,12 +1,12 @@
 //! The folder of one run while it is being filled.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{StoreError, rows, write};
+use super::{StoreError, checkpoint, failure, rows, seal, write};
 use crate::experiment::WaveRow;
 
 /// The folder of a run's layers inside the run's own.
@@ -24,16 +24,19 @@ pub struct RunWriter {
     folder: PathBuf,
     marker: &'static str,
     metrics: Option<File>,
+    /// Bytes of whole lines in `metrics.csv`.
+    whole: u64,
     columns: usize,
 }
 
 impl RunWriter {
-    /// Makes the folder of a cell, removes what an unfinished run left in it, and writes `config.json`.
-    pub(super) fn create(folder: PathBuf, config: &Json) -> Result<RunWriter, StoreError> {
+    /// Makes the folder of a cell, removes what an unfinished run left in it beyond the given number of samples per
+    /// pixel, from which it goes on, and writes `config.json`.
+    pub(super) fn create(folder: PathBuf, config: &Json, kept: Option<u64>) -> Result<RunWriter, StoreError> {
         let writer = RunWriter::shared(folder, "done.json", config)?;
         let entries = fs::read_dir(&writer.folder).map_err(|e| StoreError::io("read", &writer.folder, &e))?;
         let films = fs::read_dir(writer.folder.join(FILMS)).into_iter().flatten();
-        let old = entries.flatten().map(|e| e.path()).filter(|p| is_result(p));
+        let old = entries.flatten().map(|e| e.path()).filter(|p| is_result(p, kept));
         for path in old.chain(films.flatten().map(|e| e.path()).filter(|p| is_film(p))) {
             fs::remove_file(&path).map_err(|e| StoreError::io("remove", &path, &e))?;
         }
@@ -44,7 +47,8 @@ impl RunWriter {
     /// rendering the same reference at this moment, and what both write is the same.
     pub(super) fn shared(folder: PathBuf, marker: &'static str, config: &Json) -> Result<RunWriter, StoreError> {
         fs::create_dir_all(&folder).map_err(|e| StoreError::io("create", &folder, &e))?;
-        let writer = RunWriter { folder, marker, metrics: None, columns: 0 };
+        write::sweep_old_temporaries(&folder);
+        let writer = RunWriter { folder, marker, metrics: None, whole: 0, columns: 0 };
         writer.write("config.json", pretty(config).as_bytes())?;
         Ok(writer)
     }
@@ -54,16 +58,17 @@ impl RunWriter {
         &self.folder
     }
 
-    /// Starts `metrics.csv` with the columns that every row will have.
+    /// Starts `metrics.csv` with the columns that every row will have, and the rows that there are already.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn open_metrics(&mut self, columns: &[&str]) -> Result<(), StoreError> {
+    pub fn open_metrics(&mut self, columns: &[&str], before: &[WaveRow]) -> Result<(), StoreError> {
         let path = self.folder.join("metrics.csv");
         let mut file = File::create(&path).map_err(|e| StoreError::io("create", &path, &e))?;
-        let header = rows::header(columns.iter().copied());
-        file.write_all(header.as_bytes()).map_err(|e| StoreError::io("write", &path, &e))?;
+        let text = rows::header(columns.iter().copied()) + &before.iter().map(rows::line).collect::<String>();
+        file.write_all(text.as_bytes()).map_err(|e| StoreError::io("write", &path, &e))?;
         self.columns = columns.len();
+        self.whole = text.len() as u64;
         self.metrics = Some(file);
         Ok(())
     }
@@ -74,12 +79,17 @@ impl RunWriter {
     /// When the file is not open, cannot be written, or the row has another number of metrics than the header.
     pub fn append_row(&mut self, row: &WaveRow) -> Result<(), StoreError> {
         let path = self.folder.join("metrics.csv");
-        let refuse = |reason: String| StoreError::Io { action: "append to", path: path.clone(), reason };
+        let refuse = |reason: String| StoreError::Io { action: "append to", path: path.clone(), reason, full: false };
         let file = self.metrics.as_mut().ok_or_else(|| refuse("it was never opened".into()))?;
         if row.metrics.len() != self.columns {
             return Err(refuse(format!("a row of {} metrics, a header of {}", row.metrics.len(), self.columns)));
         }
-        file.write_all(rows::line(row).as_bytes()).map_err(|e| StoreError::io("write", &path, &e))
+        let line = rows::line(row);
+        // What an earlier try left of a line is written over.
+        let written = file.set_len(self.whole).and_then(|()| file.seek(SeekFrom::Start(self.whole)));
+        written.and_then(|_| file.write_all(line.as_bytes())).map_err(|e| StoreError::io("write", &path, &e))?;
+        self.whole += line.len() as u64;
+        Ok(())
     }
 
     /// Writes `metrics.csv` whole, without metric columns: for references, whose folder may have two writers.
@@ -109,24 +119,34 @@ impl RunWriter {
         OpenOptions::new().create(true).append(true).open(&path).map_err(|e| StoreError::io("write", &path, &e))
     }
 
-    /// Declares the run done: syncs the measurements, then writes `done.json` (`ref.json` for a reference).
+    /// Declares the run done: syncs the measurements, then writes `done.json` (`ref.json` for a reference) with the
+    /// hashes of all files. Checkpoints, and the record of an earlier failure, are then needed no more.
     ///
     /// # Errors
     /// When a file cannot be written; the run then counts as not done.
-    pub fn finish(self, done: &Json) -> Result<(), StoreError> {
+    pub fn finish(&self, done: &Json) -> Result<(), StoreError> {
         if let Some(metrics) = &self.metrics {
             metrics.sync_all().map_err(|e| StoreError::io("write", &self.folder.join("metrics.csv"), &e))?;
         }
-        self.write(self.marker, pretty(done).as_bytes())
+        let sealed = seal::seal(&self.folder, done).map_err(|e| StoreError::io("seal", &self.folder, &e))?;
+        self.write(self.marker, pretty(&sealed).as_bytes())?;
+        checkpoint::remove(&self.folder);
+        failure::forget(&self.folder);
+        Ok(())
     }
 }
 
 /// Whether a file in a run's folder is the result of a rendering, so that the next rendering replaces it.
-fn is_result(path: &Path) -> bool {
+///
+/// What goes on from a checkpoint after some samples per pixel keeps its log and the snapshots up to there.
+fn is_result(path: &Path, kept: Option<u64>) -> bool {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-    let snapshot = name.starts_with("snap-") && name.ends_with(".exr");
-    let fixed = ["done.json", "metrics.csv", "log.txt", "final.exr", "final.png"].contains(&name);
-    path.is_file() && (snapshot || fixed || write::is_temporary(name))
+    let snapshot = name.strip_prefix("snap-").and_then(|n| n.strip_suffix(".exr"));
+    let beyond =
+        snapshot.is_some_and(|samples| samples.parse::<u64>().map_or(true, |samples| samples > kept.unwrap_or(0)));
+    let fixed = ["done.json", "metrics.csv", "final.exr", "final.png"].contains(&name);
+    let fresh = kept.is_none() && (name == "log.txt" || checkpoint::SLOTS.contains(&name));
+    path.is_file() && (beyond || fixed || fresh || write::is_temporary(name))
 }
 
 /// Whether a file in the folder of layers is one of ours.

@@ -11,6 +11,7 @@ use super::*;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Cell, Reference, ReferenceSource};
 use crate::experiment::spec::{CellConfig, Measure, Snapshots};
+use crate::experiment::standing::Claim;
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
@@ -28,6 +29,7 @@ fn decode(bytes: &[u8]) -> Result<Image, String> {
 
 fn config() -> Arc<CellConfig> {
     Arc::new(CellConfig {
+        scene_options: Default::default(),
         scene: "scenes/box.scn".into(),
         scene_file: "scenes/box.scn".into(),
         integrator: "bpt".into(),
@@ -54,6 +56,7 @@ fn scene() -> Arc<SceneDesc> {
         optics: Optics::default(),
     };
     Arc::new(SceneDesc {
+        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 5,
         camera,
@@ -101,6 +104,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
             snapshots: Snapshots::Last,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: vec![],
         tables: vec![],
         script_text: "-- a script\n".into(),
@@ -121,8 +125,8 @@ fn row(wave: u64, invalid: u64) -> WaveRow {
 }
 
 fn finish_run(store: &Store, plan: &Plan, i: usize) {
-    let mut run = store.start(plan, CellRef::Cell(i)).unwrap();
-    run.open_metrics(&[]).unwrap();
+    let mut run = store.start(plan, CellRef::Cell(i), None).unwrap();
+    run.open_metrics(&[], &[]).unwrap();
     run.append_row(&row(1, 0)).unwrap();
     run.append_row(&WaveRow { first_invalid: Some([1, 2, 3]), ..row(2, 1) }).unwrap();
     run.write("final.exr", b"I\x07").unwrap();
@@ -145,8 +149,8 @@ fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
     assert_eq!(store.folder(), dir.path().join("night-3f9a"));
     assert_eq!(fs::read_to_string(store.folder().join("experiment.lua")).unwrap(), "-- a script\n");
     finish_run(&store, &plan, 0);
-    let mut half = store.start(&plan, CellRef::Cell(1)).unwrap();
-    half.open_metrics(&[]).unwrap();
+    let mut half = store.start(&plan, CellRef::Cell(1), None).unwrap();
+    half.open_metrics(&[], &[]).unwrap();
     half.append_row(&row(1, 0)).unwrap();
     half.write("final.exr", b"I\x01").unwrap();
     drop(half);
@@ -173,8 +177,8 @@ fn films_belong_to_a_run_and_go_with_it() {
     let plan = plan("night", "3f9a00", &["aa11"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     let start = || {
-        let mut run = store.start(&plan, CellRef::Cell(0)).unwrap();
-        run.open_metrics(&[]).unwrap();
+        let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
+        run.open_metrics(&[], &[]).unwrap();
         run.write("final.exr", b"I\x01").unwrap();
         run
     };
@@ -210,7 +214,7 @@ fn starting_again_removes_stale_results_and_keeps_what_people_put_there() {
     let folder = only_run(store.folder());
     fs::write(folder.join("snap-2.exr"), b"old").unwrap();
     fs::write(folder.join("my notes.txt"), b"keep").unwrap();
-    let run = store.start(&plan, CellRef::Cell(0)).unwrap();
+    let run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     assert_eq!(run.folder(), folder);
     let mut names: Vec<_> = fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name()).collect();
     names.sort();
@@ -259,16 +263,17 @@ fn another_plan_with_the_same_digits_gets_more_of_them() {
 }
 
 #[test]
-fn a_second_process_is_refused_while_the_first_is_at_work() {
+fn a_second_process_works_on_what_the_first_does_not() {
     let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &[]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
-    let error = Store::open(dir.path(), &plan, decode).unwrap_err();
-    let text = error.to_string();
-    assert!(matches!(error, StoreError::Locked { .. }), "{text}");
-    assert!(text.contains(&format!("process {}", std::process::id())), "{text}");
-    drop(store);
-    Store::open(dir.path(), &plan, decode).unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
+    let (first, second) =
+        (Store::open(dir.path(), &plan, decode).unwrap(), Store::open(dir.path(), &plan, decode).unwrap());
+    assert_eq!(first.folder(), second.folder());
+    assert_eq!(first.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
+    assert!(matches!(second.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
+    assert_eq!(second.claim(&plan, CellRef::Cell(1)).unwrap(), Claim::Ours);
+    drop(first);
+    assert_eq!(second.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
 }
 
 #[test]
@@ -277,7 +282,7 @@ fn references_are_shared_and_decoded() {
     let mut plan = plan("night", "3f9a00", &[]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     assert!(store.image(&plan, 0).unwrap().is_none());
-    let run = store.start(&plan, CellRef::Reference(0)).unwrap();
+    let run = store.start(&plan, CellRef::Reference(0), None).unwrap();
     assert_eq!(run.folder(), dir.path().join("refs/ee/ee00"));
     run.write("ref.exr", b"I\x05").unwrap();
     run.write_rows(&[WaveRow { metrics: vec![0.5], ..row(1, 0) }]).unwrap();
@@ -309,9 +314,9 @@ fn rows_of_another_width_than_the_header_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
-    let mut run = store.start(&plan, CellRef::Cell(0)).unwrap();
+    let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     assert!(run.append_row(&row(1, 0)).is_err());
-    run.open_metrics(&["rmse"]).unwrap();
+    run.open_metrics(&["rmse"], &[]).unwrap();
     assert!(run.append_row(&row(1, 0)).unwrap_err().to_string().contains("0 metrics"));
 }
 
@@ -340,9 +345,9 @@ fn states_tell_failed_unfinished_and_pending_apart() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
-    drop(store.start(&plan, CellRef::Cell(0)).unwrap());
-    drop(store.start(&plan, CellRef::Cell(1)).unwrap());
-    store.journal("cell_finished", &json!({"run": "aa11", "outcome": "failed", "reason": "disk full"})).unwrap();
+    drop(store.start(&plan, CellRef::Cell(0), None).unwrap());
+    drop(store.start(&plan, CellRef::Cell(1), None).unwrap());
+    store.fail(&plan, CellRef::Cell(0), "disk full").unwrap();
     let listed = list(dir.path());
     let states: Vec<_> = listed[0].runs.iter().map(|r| r.state.clone()).collect();
     assert_eq!(states, [RunState::Failed("disk full".into()), RunState::Unfinished, RunState::Pending]);

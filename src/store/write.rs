@@ -3,12 +3,16 @@
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
+use std::time::Duration;
 
 use super::StoreError;
 
 /// What temporary files are called; a crash may leave one, and whoever owns the folder next removes it.
 const TEMP_PREFIX: &str = ".lumbre-";
 const TEMP_SUFFIX: &str = ".tmp";
+
+/// After so long nobody is still writing a temporary file.
+const ABANDONED: Duration = Duration::from_secs(3600);
 
 /// Writes a file beside its final name, syncs it, and renames it into place.
 ///
@@ -66,12 +70,24 @@ pub(super) fn sweep_temporaries(folder: &Path) {
     }
 }
 
+/// The same in a folder to which others may be writing at this moment: only what is old.
+pub(super) fn sweep_old_temporaries(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let modified = entry.metadata().and_then(|facts| facts.modified());
+        let age = modified.ok().and_then(|moment| moment.elapsed().ok()).unwrap_or_default();
+        if is_temporary(&entry.file_name().to_string_lossy()) && age > ABANDONED {
+            // A leftover that cannot be removed harms nobody.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
 /// Whether a file's name is one of our temporary ones.
 pub(super) fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
 }
 
-fn temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+pub(super) fn temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMP_PREFIX).suffix(TEMP_SUFFIX);
     #[cfg(unix)]
@@ -84,7 +100,7 @@ fn temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
 }
 
 /// Makes a rename survive a power cut, where folders can be synced.
-fn sync_folder(folder: &Path) -> std::io::Result<()> {
+pub(super) fn sync_folder(folder: &Path) -> std::io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 

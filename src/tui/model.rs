@@ -174,12 +174,14 @@ impl Model {
                     ..Model::default()
                 };
             }
-            Event::CellStarted { cell, open, reference } => {
+            Event::CellStarted { cell, open, reference, resumed } => {
                 let Some(entry) = self.entry_mut(*cell) else { return };
-                *entry = Entry { state: State::Running, last: None };
+                let before = resumed.iter().flat_map(|rows| rows.iter());
+                *entry = Entry { state: State::Running, last: before.clone().next_back().cloned() };
                 let mut current = Current::new(*cell, at_s);
                 current.open = open.clone();
                 current.reference = reference.clone();
+                before.for_each(|row| current.curve.push(row.clone()));
                 self.current = Some(current);
             }
             Event::Wave { cell, row, measure_s, image, pow2: _ } => {

@@ -62,8 +62,8 @@ fn sigterm_ends_the_wave_and_asks_to_be_run_again() {
 }
 
 #[test]
-fn sigusr1_does_the_same() {
-    assert_eq!(end_and_go_on("-USR1"), Some(75));
+fn a_closed_terminal_does_the_same() {
+    assert_eq!(end_and_go_on("-HUP"), Some(75));
 }
 
 #[test]
@@ -72,9 +72,13 @@ fn ctrl_c_ends_the_wave_and_leaves() {
 }
 
 #[test]
-fn a_closed_terminal_does_not_end_the_night() {
+fn under_nohup_a_closed_terminal_does_not_end_the_night() {
     let place = Workplace::new();
-    let mut child = start(&place);
+    place.write("slow.lua", SLOW);
+    let ignoring = format!("trap '' HUP; exec '{}' run slow.lua -q", env!("CARGO_BIN_EXE_lumbre"));
+    let mut command = Command::new("sh");
+    command.args(["-c", &ignoring]).current_dir(place.path(".")).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.spawn().unwrap();
     wait_for_first(&place, &mut child);
     send(&child, "-HUP");
     assert_eq!(child.wait().unwrap().code(), Some(0));
@@ -82,13 +86,47 @@ fn a_closed_terminal_does_not_end_the_night() {
 }
 
 #[test]
-fn a_second_night_in_the_same_folder_is_refused_while_the_first_runs() {
+fn sigusr1_writes_a_checkpoint_and_the_night_goes_on() {
     let place = Workplace::new();
     let mut child = start(&place);
     wait_for_first(&place, &mut child);
-    let refused = place.fail(2, &["run", "slow.lua"]);
-    assert!(refused.contains("in use by another lumbre"), "{refused}");
-    assert!(refused.contains(&child.id().to_string()), "{refused}");
-    child.kill().unwrap();
-    child.wait().unwrap();
+    let since = Instant::now();
+    // Cells come and go, and with them their checkpoints: one of the next signals hits.
+    let kept = |place: &Workplace| place.files("out").iter().any(|f| f.ends_with("ckpt.a"));
+    while !kept(&place) {
+        assert!(since.elapsed() < PATIENCE, "no checkpoint was written");
+        assert!(child.try_wait().unwrap().is_none(), "the night ended before a checkpoint was seen");
+        send(&child, "-USR1");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(place.finished().len(), CELLS);
+    assert!(!kept(&place), "checkpoints go when their run is done");
+    assert!(place.read("out/latest/journal.jsonl").contains("\"outcome\":\"done\""));
+}
+
+#[test]
+fn a_second_ctrl_c_leaves_at_once() {
+    let place = Workplace::new();
+    // One wave of this takes minutes: only the second signal can end it.
+    place.write(
+        "long.lua",
+        r#"
+local x = experiment("long", { seed = 1 })
+x:render(function(p) return { scene = "ball.scn", integrator = "bpt", resolution = { 24, 16 }, backend = "mock" } end)
+x:stop(stop.any { stop.samples(2), stop.predicate(function(row) while true do end end) })
+return x
+"#,
+    );
+    let mut command = place.command(&["run", "long.lua", "-q", "--no-smoke"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let since = Instant::now();
+    while !place.files("out").iter().any(|f| f.ends_with("metrics.csv")) {
+        assert!(since.elapsed() < PATIENCE);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    send(&child, "-INT");
+    std::thread::sleep(Duration::from_millis(50));
+    send(&child, "-INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
 }

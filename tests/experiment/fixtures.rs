@@ -111,7 +111,7 @@ impl Lab {
 
     /// The plan, or why there is none.
     pub fn try_plan(&self) -> Result<Plan, PlanError> {
-        let mut load = |file: &Path| {
+        let mut load = |file: &Path, _: &BTreeMap<String, Value>| {
             self.loads.borrow_mut().push(file.to_owned());
             load_scene(file)
         };
@@ -140,6 +140,7 @@ fn spec() -> Spec {
             snapshots: Snapshots::Last,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
     }
@@ -148,6 +149,7 @@ fn spec() -> Spec {
 /// What a cell renders unless a test says otherwise.
 pub fn config() -> CellConfig {
     CellConfig {
+        scene_options: Default::default(),
         scene: "box".into(),
         scene_file: "scenes/box.scn".into(),
         integrator: "bpt".into(),
@@ -172,6 +174,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
     let mut egg = MaterialDesc::new("egg");
     egg.roughness = file.to_string_lossy().len() as f32 / 100.0;
     let scene = SceneDesc {
+        views: Vec::new(),
         resolution: [32, 16],
         max_depth: 7,
         camera: CameraDesc {

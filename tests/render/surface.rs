@@ -60,6 +60,7 @@ fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDe
         shape: ShapeDesc::Mesh(Arc::new(mesh)),
     };
     let desc = SceneDesc {
+        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 3,
         camera,

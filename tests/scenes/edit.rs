@@ -59,7 +59,8 @@ fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
     let cases = [
         ("material.egg.ior", Value::Int(1), "unknown setting `material`", "did you mean `materials`?"),
         ("camera.fow", Value::Int(1), "unknown key `fow`", "did you mean `fov`?"),
-        ("camera", Value::Int(1), "unknown key ``", "known: fov, aperture"),
+        ("camera", Value::Int(1), "expected a string", ""),
+        ("camera", "left".into(), "the scene has no views", ""),
         ("materials.eg.ior", Value::Int(1), "unknown material `eg`", "did you mean `egg`?"),
         ("materials.egg.rougness", Value::Int(1), "unknown material parameter", "did you mean `roughness`?"),
         ("materials.egg", Value::Int(1), "expected `materials.NAME.PARAMETER`", ""),

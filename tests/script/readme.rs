@@ -1,7 +1,8 @@
 //! The script in the README is one that works.
 
 use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::scene::load::load;
+use lumbre::scene::load::Missing;
+use lumbre::script::scene;
 
 #[test]
 fn the_readme_shows_a_script_that_can_be_planned() {
@@ -11,7 +12,10 @@ fn the_readme_shows_a_script_that_can_be_planned() {
     let file = folder.path().join("readme.lua");
     std::fs::write(&file, text).unwrap();
     let script = lumbre::script::load(&file).unwrap();
-    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path| load(path)).unwrap();
+    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path, options| {
+        scene::read(path, options, Missing::Refused)
+    })
+    .unwrap();
     // Two scenes, four depths, three repeats; glass below four edges is left out.
     assert_eq!(plan.cells.len(), (2 * 4 - 1) * 3);
     assert_eq!(plan.skipped.len(), 1);

@@ -1,7 +1,8 @@
 //! Every script in `scripts/` can be planned, and says in its header how it is run.
 
 use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::scene::load::load;
+use lumbre::scene::load::Missing;
+use lumbre::script::scene;
 
 #[test]
 fn every_shipped_script_is_planned_without_a_warning() {
@@ -14,8 +15,10 @@ fn every_shipped_script_is_planned_without_a_warning() {
         let text = std::fs::read_to_string(&file).unwrap();
         assert!(text.starts_with("-- ") && text.contains(&format!("lumbre run scripts/{name}")), "{name}");
         let script = lumbre::script::load(&file).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path| load(path))
-            .unwrap_or_else(|e| panic!("{name}: {e}"));
+        let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path, options| {
+            scene::read(path, options, Missing::Refused)
+        })
+        .unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(!plan.cells.is_empty() && plan.notes.is_empty(), "{name}: {:?}", plan.notes);
         assert!(plan.warnings.is_empty(), "{name}: {:?}", plan.warnings);
     }

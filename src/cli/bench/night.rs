@@ -49,7 +49,7 @@ fn planned(text: &str) -> Result<(script::Script, Plan, f64), String> {
     std::fs::write(&file, text).map_err(|e| e.to_string())?;
     let start = Instant::now();
     let script = script::load(&file).map_err(|e| e.to_string())?;
-    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path| load::load(path))
+    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path, _| load::load(path))
         .map_err(|e| e.to_string())?;
     let seconds = start.elapsed().as_secs_f64();
     Ok((script, plan, seconds))

@@ -7,9 +7,11 @@ use serde_json::{Value as Json, json};
 
 use super::efficiency::{self, Measured, RELATIVE_RMSE};
 use crate::cli::builtin::short;
+use crate::cli::load;
 use crate::cli::text::{aligned, duration};
 use crate::render::cpu::rates::{self, RayRates};
-use crate::scene::{compile, load};
+use crate::scene::compile;
+use crate::scene::load::Missing;
 use crate::transport::integrator::INTEGRATORS;
 
 /// The rates of one scene.
@@ -28,7 +30,7 @@ pub struct Row {
 /// # Errors
 /// When it cannot be loaded or rendered, with a message for people.
 pub fn measure(name: &str, file: &Path, threads: usize, repeats: usize) -> Result<Row, String> {
-    let (desc, _) = load::load(file).map_err(|e| e.to_string())?;
+    let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
     let (compiled, _) = compile(&desc).map_err(|e| e.to_string())?;
     let scene = Arc::new(compiled);
     let rays = rates::measure(&scene, scene.resolution, repeats).map_err(|e| e.to_string())?;

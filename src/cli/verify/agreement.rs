@@ -10,7 +10,9 @@ use super::picture::{Picture, Setting, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, Request};
 use crate::cli::builtin::{BuiltIn, short};
-use crate::scene::{CompiledScene, compile, load};
+use crate::cli::load;
+use crate::scene::load::Missing;
+use crate::scene::{CompiledScene, compile};
 
 /// Marks the seeds of these checks.
 const KIND: u64 = 2;
@@ -61,7 +63,7 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
     let mut checks = Vec::new();
     let mut seeds = 0;
     for file in built_in.scenes() {
-        let (desc, _) = load::load(&file).map_err(|e| e.to_string())?;
+        let (desc, _) = load::scene(&file, Missing::Refused).map_err(|e| e.to_string())?;
         let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;
         let longest = scene.resolution[0].max(scene.resolution[1]).max(1);
         let resolution = scene.resolution.map(|n| (n * side / longest).max(1));

@@ -181,6 +181,7 @@ fn scene(
     entities: Vec<EntityDesc>,
 ) -> SceneDesc {
     SceneDesc {
+        views: Vec::new(),
         resolution: [1, 1],
         max_depth: 1,
         camera: CameraDesc {

@@ -9,8 +9,10 @@ use serde_json::json;
 use super::technique::Technique;
 use super::{Check, Outcome, Request, Verdict};
 use crate::cli::builtin::{BuiltIn, short};
+use crate::cli::load;
 use crate::render::cpu::accel::Accel;
-use crate::scene::{CompiledScene, compile, load};
+use crate::scene::load::Missing;
+use crate::scene::{CompiledScene, compile};
 use crate::transport::camera::{Camera, FilterSpec};
 use crate::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
 use crate::transport::integrator::{Context, Settings, bdpt, integrator};
@@ -36,7 +38,7 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
     let built_in = BuiltIn::unpack()?;
     let mut checks = Vec::new();
     for file in built_in.scenes() {
-        let (desc, _) = load::load(&file).map_err(|e| e.to_string())?;
+        let (desc, _) = load::scene(&file, Missing::Refused).map_err(|e| e.to_string())?;
         let scene = Rc::new(Arc::new(compile(&desc).map_err(|e| e.to_string())?.0));
         for technique in &techniques {
             let seed = request.seed(KIND, checks.len());

@@ -19,12 +19,14 @@ use serde_json::{Value as Json, json};
 use super::picture::{Judgement, Picture, Setting, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, Outcome, Request, Verdict};
+use crate::cli::load;
 use crate::film::Image;
 use crate::math::stats::{normal_two_sided_p, sidak};
 use crate::output::exr;
 use crate::render::cpu::accel::Accel;
 use crate::scene::edit::set;
-use crate::scene::{CompiledScene, compile, load};
+use crate::scene::load::Missing;
+use crate::scene::{CompiledScene, compile};
 use crate::transport::camera::{Camera, FilterKind, FilterSpec};
 use crate::transport::sampler::Sampler;
 
@@ -224,7 +226,7 @@ fn picture(file: &Path) -> Result<Image, String> {
 }
 
 fn compiled(path: &Path, surfaces: Surfaces) -> Result<CompiledScene, String> {
-    let (mut desc, _) = load::load(path).map_err(|e| e.to_string())?;
+    let (mut desc, _) = load::scene(path, Missing::Refused).map_err(|e| e.to_string())?;
     if surfaces == Surfaces::Diffuse {
         set(&mut desc, "materials.*.model", &"lambert".into()).map_err(|e| e.to_string())?;
     }

@@ -225,6 +225,7 @@ impl<'a> Builder<'a> {
             notes: self.resolver.notes.into_iter().collect(),
             warnings,
             measure: self.spec.measure.clone(),
+            night: self.spec.night.clone(),
             figures: self.spec.figures.clone(),
             tables: self.spec.tables.clone(),
             script_text: self.spec.script_text.clone(),

@@ -9,6 +9,7 @@ mod error;
 mod estimate;
 mod expand;
 pub mod identity;
+mod order;
 mod path;
 mod reach;
 mod resolve;
@@ -23,7 +24,7 @@ pub use reach::unreachable;
 pub use resolve::{LoadScene, LoadedScene};
 
 use super::event::CellRef;
-use super::spec::{CellConfig, FigureSpec, Measure, Point, TableSpec};
+use super::spec::{CellConfig, FigureSpec, Measure, NightSpec, Point, TableSpec};
 use super::stop::StopRule;
 use crate::scene::{Note, SceneDesc};
 
@@ -137,6 +138,8 @@ pub struct Plan {
     pub warnings: Vec<String>,
     /// What is measured and kept.
     pub measure: Measure,
+    /// How its nights go.
+    pub night: NightSpec,
     /// Figures to draw.
     pub figures: Vec<FigureSpec>,
     /// Tables to write.

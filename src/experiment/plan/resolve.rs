@@ -21,8 +21,8 @@ const MAX_PIXELS: u64 = 1 << 28;
 /// What reading a scene file gives: the scene and what of the file could not be honoured.
 pub type LoadedScene = Result<(SceneDesc, Vec<Note>), SceneError>;
 
-/// Reads a scene file.
-pub type LoadScene<'a> = dyn FnMut(&Path) -> LoadedScene + 'a;
+/// Reads a scene file with the options that were chosen for it.
+pub type LoadScene<'a> = dyn FnMut(&Path, &BTreeMap<String, Value>) -> LoadedScene + 'a;
 
 /// Something that can be rendered.
 #[derive(Clone)]
@@ -40,8 +40,8 @@ type Edited = (Arc<SceneDesc>, [u8; 32]);
 /// What was found so far, so that ten thousand cells cost one reading of each file and one probe of each backend.
 pub(super) struct Resolver<'a> {
     load: &'a mut LoadScene<'a>,
-    files: BTreeMap<PathBuf, Arc<SceneDesc>>,
-    edited: BTreeMap<(PathBuf, [u8; 32]), Edited>,
+    files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
+    edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
     reference_files: BTreeMap<PathBuf, (RunId, Value)>,
     /// What the scene files say that could not be honoured.
@@ -111,13 +111,12 @@ impl<'a> Resolver<'a> {
     }
 
     fn scene(&mut self, config: &CellConfig, point: &Point) -> Result<Edited, PlanError> {
-        let mut hasher = blake3::Hasher::new();
-        Value::Map(config.set.clone()).hash_into(&mut hasher);
-        let key = (config.scene_file.clone(), *hasher.finalize().as_bytes());
+        let options = hash_of(&config.scene_options);
+        let key = (config.scene_file.clone(), options, hash_of(&config.set));
         if let Some(known) = self.edited.get(&key) {
             return Ok(known.clone());
         }
-        let mut scene = self.file(&config.scene_file, point)?;
+        let mut scene = self.file(config, options, point)?;
         if !config.set.is_empty() {
             let changed = Arc::make_mut(&mut scene);
             edit::apply(changed, &config.set)
@@ -128,15 +127,16 @@ impl<'a> Resolver<'a> {
         Ok((scene, hash))
     }
 
-    fn file(&mut self, file: &Path, point: &Point) -> Result<Arc<SceneDesc>, PlanError> {
-        if let Some(known) = self.files.get(file) {
+    fn file(&mut self, config: &CellConfig, options: [u8; 32], point: &Point) -> Result<Arc<SceneDesc>, PlanError> {
+        let key = (config.scene_file.clone(), options);
+        if let Some(known) = self.files.get(&key) {
             return Ok(Arc::clone(known));
         }
-        let (scene, notes) =
-            (self.load)(file).map_err(|e| PlanError::Scene { point: describe(point), error: Box::new(e) })?;
+        let (scene, notes) = (self.load)(&config.scene_file, &config.scene_options)
+            .map_err(|e| PlanError::Scene { point: describe(point), error: Box::new(e) })?;
         self.notes.extend(notes);
         let scene = Arc::new(scene);
-        self.files.insert(file.to_owned(), Arc::clone(&scene));
+        self.files.insert(key, Arc::clone(&scene));
         Ok(scene)
     }
 
@@ -177,4 +177,10 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(std::fs::File::open(file)?)?;
     Ok(hasher.finalize())
+}
+
+fn hash_of(values: &BTreeMap<String, Value>) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    Value::Map(values.clone()).hash_into(&mut hasher);
+    *hasher.finalize().as_bytes()
 }

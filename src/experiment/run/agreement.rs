@@ -32,8 +32,17 @@ impl Night<'_, '_> {
         }
     }
 
-    /// Makes the comparisons that became possible when a reference was ready. What cannot be compared is said.
-    pub(super) fn compare(&mut self, place: usize) -> Result<(), String> {
+    /// Makes the comparisons that became possible when a reference was ready. What cannot be compared is said, and what
+    /// was found counts even where nobody could record it.
+    pub(super) fn compare(&mut self, place: usize) {
+        if let Err(problem) = self.comparisons(place) {
+            let text = format!("its comparison could not be recorded: {problem}");
+            // Whoever could not record it may not be able to hear of that either.
+            let _ = self.say(Level::Error, CellRef::Reference(place), text);
+        }
+    }
+
+    fn comparisons(&mut self, place: usize) -> Result<(), String> {
         for (first, Agree { with, rate }) in self.comparisons_of(place) {
             if !(self.is_ready(first) && self.is_ready(with)) {
                 continue;
@@ -58,8 +67,8 @@ impl Night<'_, '_> {
                 self.say(Level::Info, cell, format!("agrees with {}: {text}", self.technique(with)))?;
             } else {
                 let text = format!("DISAGREES with {}: {text}", self.technique(with));
-                self.say(Level::Error, cell, text.clone())?;
-                self.summary.disagreements.push(Disagreement { reference: first, with, found: text });
+                self.summary.disagreements.push(Disagreement { reference: first, with, found: text.clone() });
+                self.say(Level::Error, cell, text)?;
             }
             self.emit(&Event::Agreement { reference: first, with, found })?;
             // A side may be wanted again by another comparison; the history has it then.

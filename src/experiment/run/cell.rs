@@ -6,10 +6,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::checkpoint::Kept;
 use super::night::Night;
 use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::floors::Floors;
 use crate::experiment::spec::{CellConfig, Snapshots};
+use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
@@ -18,6 +21,10 @@ use crate::render::{Job, Renderer, WaveStats};
 use crate::scene::{CompiledScene, SceneDesc, compile};
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
+
+/// How long the user may have to wait to be heard, in seconds of render time: longer waves are cut into slices. That
+/// changes no picture, and neither which samples are measured.
+const SLICE_S: f64 = 1.0;
 
 /// What a run is to render.
 pub(super) struct Work<'a> {
@@ -28,6 +35,8 @@ pub(super) struct Work<'a> {
     pub(super) seeds: &'a [u64],
     pub(super) stop: &'a StopRule,
     pub(super) reference: Option<SharedImage>,
+    /// A size other than the configuration's.
+    pub(super) resolution: Option<[u32; 2]>,
 }
 
 /// What became of a run.
@@ -38,24 +47,43 @@ pub(super) struct Ended {
     pub(super) rows: Vec<WaveRow>,
     /// Where it is a reference that is done.
     pub(super) halves: Option<[Arc<Film>; 2]>,
+    /// The noise floors of what it was measured against.
+    pub(super) floors: Floors,
 }
 
 impl Ended {
     pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), film: None, layers: Arc::default(), rows, halves: None }
+        Ended { outcome: Outcome::Cached(folder), rows, ..Ended::failed(String::new()) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
-        Ended { outcome: Outcome::Failed(reason), film: None, layers: Arc::default(), rows: Vec::new(), halves: None }
+        Ended {
+            outcome: Outcome::Failed(reason),
+            film: None,
+            layers: Arc::default(),
+            rows: Vec::new(),
+            halves: None,
+            floors: Floors::default(),
+        }
     }
+}
+
+/// How a run begins.
+#[derive(Default)]
+struct Resumed {
+    standing: Standing,
+    goes_on: bool,
+    /// What there is to say about it.
+    word: Option<(Level, String)>,
 }
 
 /// A run in progress.
 #[derive(Default)]
-struct Progress {
+pub(super) struct Progress {
     /// Taken away when it panics: its sums can no longer be trusted.
-    renderer: Option<Box<dyn Renderer>>,
-    rows: Vec<WaveRow>,
+    pub(super) renderer: Option<Box<dyn Renderer>>,
+    pub(super) standing: Standing,
+    pub(super) kept: Kept,
 }
 
 impl Night<'_, '_> {
@@ -63,59 +91,105 @@ impl Night<'_, '_> {
     pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
         let mut progress = Progress::default();
         let outcome = self.render(work, &mut progress).unwrap_or_else(Outcome::Failed);
+        if outcome == Outcome::Interrupted {
+            self.keep(work.cell, &mut progress);
+        }
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
         // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
         let halves = finished.and_then(|r| r.halves());
-        Ended { outcome, film, layers, rows: progress.rows, halves }
+        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
     }
 
     fn render(&mut self, work: &Work<'_>, progress: &mut Progress) -> Result<Outcome, String> {
         let started = Instant::now();
         let scene = self.compiled(work)?;
-        let renderer = progress.renderer.insert(self.open(work, scene)?);
+        let (renderer, resumed) = self.resume(work, scene)?;
         let open = renderer.open_stats().clone();
-        self.emit(&Event::CellStarted { cell: work.cell, open, reference: work.reference.clone() })?;
+        progress.renderer = Some(renderer);
+        progress.standing = resumed.standing;
+        progress.kept.at_s = progress.standing.render_s();
+        let before_s = progress.standing.wall_s;
+        let wall_s = || before_s + started.elapsed().as_secs_f64();
+        let rows = resumed.goes_on.then(|| Arc::new(progress.standing.rows.clone()));
+        let reference = work.reference.clone();
+        self.emit(&Event::CellStarted { cell: work.cell, open, reference, resumed: rows })?;
+        if let Some((level, text)) = resumed.word {
+            self.say(level, work.cell, text)?;
+        }
         let plan = self.plan;
         let columns = plan.columns();
         let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
+        if resumed.goes_on {
+            waves = waves.from(progress.standing.growth);
+        }
         loop {
-            let samples_so_far = progress.rows.last().map_or(0, |row| row.samples);
-            if let Some(outcome) = self.obey(work.cell, samples_so_far)? {
-                return Ok(outcome);
+            let standing = &mut progress.standing;
+            if standing.between_waves() {
+                let hooks = self.hooks;
+                let rows = &standing.rows;
+                let mut ask = |id| hooks.predicate(id, &columns, rows);
+                // Also asked of what an earlier process measured last, which may have been cut off before it asked.
+                if !rows.is_empty()
+                    && let Some(reason) = work.stop.check(rows, &columns, &mut ask).map_err(|e| e.to_string())?
+                {
+                    return Ok(Outcome::Done(reason));
+                }
+                standing.left = waves.next(rows, work.stop);
+                standing.growth = waves.size;
             }
-            let samples = waves.next(&progress.rows, work.stop);
-            let stats = advance(&mut progress.renderer, samples)?;
+            while progress.standing.left > 0 {
+                progress.standing.wall_s = wall_s();
+                if let Some(outcome) = self.obey(work.cell, progress.standing.samples())? {
+                    return Ok(outcome);
+                }
+                let stats = advance(&mut progress.renderer, slice(&progress.standing))?;
+                let first = stats.invalid > 0
+                    && progress.standing.part.invalid == 0
+                    && progress.standing.rows.iter().all(|row| row.invalid == 0);
+                progress.standing.count(&stats);
+                if first {
+                    self.say(Level::Warn, work.cell, invalid_words(&progress.standing))?;
+                }
+                progress.standing.wall_s = wall_s();
+                self.keep_if_due(work.cell, progress);
+            }
             let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned()) };
             let measuring = Instant::now();
             let image = Arc::new(renderer.film().mean());
             let metrics = self.measure(&image, work.reference.as_deref())?;
             let measure_s = measuring.elapsed().as_secs_f64();
-            let row = WaveRow {
-                wall_s: started.elapsed().as_secs_f64(),
-                measure_s: progress.rows.last().map_or(0.0, |row| row.measure_s) + measure_s,
-                metrics,
-                ..accumulate(progress.rows.last(), &stats)
-            };
-            if stats.invalid > 0 && progress.rows.iter().all(|row| row.invalid == 0) {
-                self.say(Level::Warn, work.cell, invalid_words(&row))?;
-            }
+            let before_s = progress.standing.rows.last().map_or(0.0, |row| row.measure_s);
+            let measured_s = before_s + measure_s;
+            let row = WaveRow { wall_s: wall_s(), measure_s: measured_s, metrics, ..progress.standing.close_wave() };
             let pow2 = row.samples.is_power_of_two();
-            progress.rows.push(row.clone());
+            progress.standing.rows.push(row.clone());
             self.emit(&Event::Wave { cell: work.cell, row, measure_s, image, pow2 })?;
-            let hooks = self.hooks;
-            let rows = &progress.rows;
-            let mut ask = |id| hooks.predicate(id, &columns, rows);
-            if let Some(reason) = work.stop.check(rows, &columns, &mut ask).map_err(|e| e.to_string())? {
-                return Ok(Outcome::Done(reason));
-            }
         }
     }
 
+    /// Opens the renderer of a run, and goes on from its checkpoint if there is one that fits.
+    fn resume(&mut self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<(Box<dyn Renderer>, Resumed), String> {
+        let mut renderer = self.open(work, Arc::clone(&scene))?;
+        let Some(checkpoint) = self.history.checkpoint(self.plan, work.cell) else {
+            return Ok((renderer, Resumed::default()));
+        };
+        let taken = guard("reading a checkpoint", || renderer.restore(&checkpoint.state));
+        if let Err(problem) = taken.and_then(|taken| taken.map_err(|e| e.to_string())) {
+            drop(renderer);
+            let word = format!("its checkpoint does not fit, and it starts again: {problem}");
+            let resumed = Resumed { word: Some((Level::Warn, word)), ..Resumed::default() };
+            return Ok((self.open(work, scene)?, resumed));
+        }
+        let standing = checkpoint.standing;
+        let word = format!("goes on from its checkpoint after {} samples per pixel", standing.samples());
+        Ok((renderer, Resumed { standing, goes_on: true, word: Some((Level::Info, word)) }))
+    }
+
     /// The compiled form of a scene. The last one is kept, for cells that differ in technique, depth or seed alone.
-    fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
+    pub(super) fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
         if let Some((desc, compiled)) = &self.compiled
             && Arc::ptr_eq(desc, work.scene)
         {
@@ -134,20 +208,20 @@ impl Night<'_, '_> {
         Ok(compiled)
     }
 
-    fn open(&self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<Box<dyn Renderer>, String> {
+    pub(super) fn open(&self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<Box<dyn Renderer>, String> {
         let config = work.config;
         let name = &config.integrator;
         let job = Job {
             integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}`"))?,
             params: config.params.clone(),
-            resolution: config.resolution.unwrap_or(scene.resolution),
+            resolution: work.resolution.or(config.resolution).unwrap_or(scene.resolution),
             max_depth: config.max_depth.unwrap_or(scene.max_depth),
             rr_start: config.rr_start,
             filter: config.filter,
             layers: config.films.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             seed: 0,
-            threads: self.threads,
+            threads: self.options.threads,
         };
         let open = |seed: u64| {
             let job = Job { seed, ..job.clone() };
@@ -172,7 +246,7 @@ impl Night<'_, '_> {
     /// Does what the user wants before the next wave, and waits while the night is paused.
     fn obey(&mut self, cell: CellRef, samples: u64) -> Result<Option<Outcome>, String> {
         loop {
-            if self.control.stop_requested() {
+            if self.control.stop_requested() || self.late() {
                 return Ok(Some(Outcome::Interrupted));
             }
             if self.control.take_skip() {
@@ -187,7 +261,7 @@ impl Night<'_, '_> {
     }
 }
 
-fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {
+pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {
     let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned()) };
     let stats = guard("rendering", || renderer.advance(samples))?;
     *slot = Some(renderer);
@@ -213,24 +287,17 @@ fn panic_text(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no reason given")
 }
 
-fn accumulate(last: Option<&WaveRow>, stats: &WaveStats) -> WaveRow {
-    let last = last.cloned().unwrap_or_default();
-    WaveRow {
-        wave: last.wave + 1,
-        samples: last.samples + stats.samples,
-        render_s: last.render_s + stats.render_s,
-        paths: last.paths + stats.paths,
-        rays: last.rays + stats.rays,
-        invalid: last.invalid + stats.invalid,
-        first_invalid: last.first_invalid.or(stats.first_invalid),
-        ..WaveRow::default()
-    }
+/// Samples of the next call of the renderer: the wave in progress, or as many of it as take about [`SLICE_S`].
+fn slice(standing: &Standing) -> u64 {
+    let rate = standing.samples() as f64 / standing.render_s();
+    if rate.is_finite() { standing.left.min(((SLICE_S * rate) as u64).max(1)) } else { standing.left }
 }
 
-fn invalid_words(row: &WaveRow) -> String {
-    let place = match row.first_invalid {
+fn invalid_words(standing: &Standing) -> String {
+    let place = match standing.part.first_invalid {
         Some([x, y, sample]) => format!(", the first at column {x}, row {y}, sample {sample}"),
         None => String::new(),
     };
-    format!("{} invalid samples (NaN or infinite) in wave {}{place}; they count as black", row.invalid, row.wave)
+    let wave = standing.rows.len() + 1;
+    format!("{} invalid samples (NaN or infinite) in wave {wave}{place}; they count as black", standing.part.invalid)
 }

@@ -4,17 +4,23 @@
 //! rendered again. A wave is the only moment at which anything but rendering happens: measuring, telling the sinks,
 //! asking the stop rule, hearing the user. Of all this only the time inside the renderer counts as render time.
 //!
+//! Waves longer than a second are rendered in slices, between which the user is heard and checkpoints are written.
+//! What another process works on is put off until all else is done, and then waited for or taken over.
+//!
 //! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
 //! is missing) is recorded with the reason, and the night goes on.
 
 mod agreement;
 mod cell;
+mod checkpoint;
 mod floors;
 mod night;
+mod smoke;
 mod waves;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
 use super::floors::Floors;
@@ -84,16 +90,37 @@ pub type Open<'a> = &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn 
 pub struct Seams<'a> {
     /// Opens a run.
     pub open: Open<'a>,
-    /// Waits a moment while the night is paused.
+    /// Waits a moment while the night is paused, or while all that is left is with other processes.
     pub wait: &'a dyn Fn(),
 }
 
 /// How long a paused night sleeps before it looks again.
 const PAUSE_STEP: Duration = Duration::from_millis(50);
 
-/// Carries out a plan.
-///
-/// `threads` is handed to every renderer; 0 is one for each core.
+/// How a night is carried out, where it is not as usual.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Threads of every renderer; 0 is one for each core.
+    pub threads: usize,
+    /// The night ends once so many cells have failed.
+    pub max_fails: Option<usize>,
+    /// Whether one sample of every cell is tried, at a small size, before the night begins.
+    pub smoke: bool,
+    /// When the night ends, finished or not. References are then rendered when a cell first needs them, and cells come
+    /// from coarse to fine: [`Plan::coarse_to_fine`].
+    pub deadline: Option<SystemTime>,
+    /// The cells and references to carry out, where it is not all of them.
+    pub only: Option<BTreeSet<CellRef>>,
+}
+
+impl From<usize> for Options {
+    /// As usual, on so many threads.
+    fn from(threads: usize) -> Options {
+        Options { threads, ..Options::default() }
+    }
+}
+
+/// Carries out a plan. Options may be just the number of threads.
 ///
 /// # Errors
 /// When a sink cannot hear the night's first or last event; everything in between is a cell's failure.
@@ -103,10 +130,10 @@ pub fn run(
     history: &dyn History,
     sinks: &mut [&mut dyn Sink],
     control: &Control,
-    threads: usize,
+    options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
     let seams = Seams { open: &open, wait: &|| std::thread::sleep(PAUSE_STEP) };
-    run_with(&seams, plan, hooks, history, sinks, control, threads)
+    run_with(&seams, plan, hooks, history, sinks, control, options)
 }
 
 /// [`run`] with the outside world exchanged.
@@ -120,9 +147,9 @@ pub fn run_with(
     history: &dyn History,
     sinks: &mut [&mut dyn Sink],
     control: &Control,
-    threads: usize,
+    options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
-    night::Night::new(seams, plan, hooks, history, sinks, control, threads).carry_out()
+    night::Night::new(seams, plan, hooks, history, sinks, control, options.into()).carry_out()
 }
 
 fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {

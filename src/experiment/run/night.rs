@@ -2,14 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use super::agreement::Compared;
 use super::cell::{Ended, Work};
-use super::{CellResult, NightSummary, RunError, Seams};
+use super::{CellResult, NightSummary, Options, RunError, Seams};
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
 use crate::experiment::floors::{Floors, HalfImages};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
+use crate::experiment::standing::Claim;
 use crate::film::SharedImage;
 use crate::scene::{CompiledScene, Note, SceneDesc};
 
@@ -25,13 +27,21 @@ enum Truth {
     Lost(String),
 }
 
+/// What came of looking at a cell.
+enum Look {
+    /// It has ended, one way or another.
+    Ended,
+    /// Another process works on it or on its reference; the text says which.
+    Elsewhere(String),
+}
+
 /// A night in progress.
 pub(super) struct Night<'a, 's> {
     pub(super) seams: &'a Seams<'a>,
     pub(super) plan: &'a Arc<Plan>,
     pub(super) hooks: &'a dyn ScriptHooks,
     pub(super) control: &'a Control,
-    pub(super) threads: usize,
+    pub(super) options: Options,
     pub(super) history: &'a dyn History,
     sinks: &'a mut [&'s mut dyn Sink],
     truths: Vec<Truth>,
@@ -56,14 +66,14 @@ impl<'a, 's> Night<'a, 's> {
         history: &'a dyn History,
         sinks: &'a mut [&'s mut dyn Sink],
         control: &'a Control,
-        threads: usize,
+        options: Options,
     ) -> Night<'a, 's> {
         Night {
             seams,
             plan,
             hooks,
             control,
-            threads,
+            options,
             history,
             sinks,
             truths: plan.references.iter().map(|_| Truth::Ahead).collect(),
@@ -79,23 +89,104 @@ impl<'a, 's> Night<'a, 's> {
     pub(super) fn carry_out(mut self) -> Result<NightSummary, RunError> {
         let started = Event::NightStarted { plan: Arc::clone(self.plan) };
         self.emit(&started).map_err(|reason| RunError::Start { reason })?;
-        let references = (0..self.plan.references.len()).map(CellRef::Reference);
-        for cell in references.chain((0..self.plan.cells.len()).map(CellRef::Cell)) {
-            if self.control.stop_requested() {
-                self.summary.interrupted = true;
-                break;
-            }
-            // A request to give up that came too late for the cell before is not meant for this one.
-            self.control.take_skip();
-            match cell {
-                CellRef::Reference(place) => self.reference(place),
-                CellRef::Cell(place) => self.cell(place),
+        let mut order = self.order();
+        if self.options.smoke {
+            let broken = self.smoke(&order);
+            order.retain(|cell| !broken.contains_key(cell));
+            for (cell, reason) in broken {
+                let outcome = self.finish(cell, Ended::failed(reason));
+                if let CellRef::Reference(place) = cell {
+                    self.truths[place] = lost(&outcome);
+                }
             }
         }
+        self.all(order);
+        self.summary.results.sort_by_key(|result| match result.cell {
+            CellRef::Reference(place) => (0, place),
+            CellRef::Cell(place) => (1, place),
+        });
         match self.emit(&Event::NightFinished) {
             Ok(()) => Ok(self.summary),
             Err(reason) => Err(RunError::Finish { reason, summary: self.summary }),
         }
+    }
+
+    /// What is to be carried out, in order: references and then cells, or, with a deadline, cells from coarse to fine,
+    /// each after its reference.
+    fn order(&self) -> Vec<CellRef> {
+        let plan = self.plan;
+        let references = (0..plan.references.len()).map(CellRef::Reference);
+        let mut order: Vec<CellRef> = match self.options.deadline {
+            None => references.chain((0..plan.cells.len()).map(CellRef::Cell)).collect(),
+            Some(_) => {
+                let mut seen = BTreeSet::new();
+                let with_reference = plan.coarse_to_fine().into_iter().flat_map(|i| {
+                    let reference = plan.cells[i].reference;
+                    let second = reference.and_then(|r| plan.references[r].agree).map(|agree| agree.with);
+                    [reference.map(CellRef::Reference), second.map(CellRef::Reference), Some(CellRef::Cell(i))]
+                });
+                with_reference.flatten().filter(|cell| seen.insert(*cell)).collect()
+            }
+        };
+        if let Some(only) = &self.options.only {
+            order.retain(|cell| only.contains(cell));
+        }
+        order
+    }
+
+    /// Goes through all that is to be done. What others work on is looked at again, until it is done, its owner has
+    /// died, or somebody ends the night.
+    fn all(&mut self, mut order: Vec<CellRef>) {
+        let mut told = false;
+        loop {
+            let mut elsewhere = Vec::new();
+            let before = self.summary.results.len();
+            for cell in order {
+                if self.over() {
+                    return;
+                }
+                // A request to give up that came too late for the cell before is not meant for this one.
+                self.control.take_skip();
+                let look = match cell {
+                    CellRef::Reference(place) => self.reference(place),
+                    CellRef::Cell(place) => self.cell(place),
+                };
+                if let Look::Elsewhere(whose) = look {
+                    elsewhere.push((cell, whose));
+                }
+            }
+            let Some((_, whose)) = elsewhere.first() else { return };
+            if !told && before == self.summary.results.len() {
+                told = true;
+                let text = format!("waiting for {} runs of other processes, one of them {whose}", elsewhere.len());
+                // A line that cannot be written is no reason to stop waiting.
+                let _ = self.emit(&Event::Message { level: Level::Info, cell: None, text });
+            }
+            (self.seams.wait)();
+            order = elsewhere.into_iter().map(|(cell, _)| cell).collect();
+        }
+    }
+
+    /// Whether the night ends here, with work left.
+    fn over(&mut self) -> bool {
+        if self.control.stop_requested() {
+            self.summary.interrupted = true;
+            return true;
+        }
+        let failed = self.summary.results.iter().filter(|r| matches!(r.outcome, Outcome::Failed(_))).count();
+        let text = match self.options.max_fails {
+            Some(most) if failed >= most.max(1) => format!("the night ends: {failed} runs have failed"),
+            _ if self.late() => "the night ends: its deadline has come".to_owned(),
+            _ => return false,
+        };
+        // The night ends whether or not that can be told.
+        let _ = self.emit(&Event::Message { level: Level::Warn, cell: None, text });
+        true
+    }
+
+    /// Whether the deadline has come.
+    pub(super) fn late(&self) -> bool {
+        self.options.deadline.is_some_and(|deadline| SystemTime::now() >= deadline)
     }
 
     /// Tells every sink, even after one has failed; the first failure is returned.
@@ -114,8 +205,11 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&Event::Message { level, cell: Some(cell), text })
     }
 
-    fn reference(&mut self, place: usize) {
+    fn reference(&mut self, place: usize) -> Look {
         let cell = CellRef::Reference(place);
+        if !matches!(self.truths[place], Truth::Ahead) {
+            return Look::Ended;
+        }
         let plan = self.plan;
         match &plan.references[place].source {
             ReferenceSource::File(file) => {
@@ -127,35 +221,58 @@ impl<'a, 's> Night<'a, 's> {
                     Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
                     Err(error) => Ended::failed(error.to_string()),
                 };
-                let outcome = self.finish(cell, ended, Floors::default());
+                let outcome = self.finish(cell, ended);
                 self.truths[place] = if let Outcome::Cached(_) = outcome { Truth::Recorded } else { lost(&outcome) };
             }
             ReferenceSource::Render { config, scene, seeds, stop, .. } => {
-                let work = Work { cell, config, scene, seeds, stop, reference: None };
-                self.truths[place] = self.rendered_reference(place, &work);
-                if let Err(reason) = self.compare(place) {
-                    self.truths[place] = lost(&self.finish(cell, Ended::failed(reason), Floors::default()));
+                let work = Work { cell, config, scene, seeds, stop, reference: None, resolution: None };
+                match self.rendered_reference(place, &work) {
+                    Ok(truth) => {
+                        self.truths[place] = truth;
+                        self.compare(place);
+                    }
+                    Err(whose) => return Look::Elsewhere(whose),
                 }
+            }
+        }
+        Look::Ended
+    }
+
+    /// The error says who else renders it.
+    fn rendered_reference(&mut self, place: usize, work: &Work<'_>) -> Result<Truth, String> {
+        if let Some(truth) = self.reference_that_is_there(place, work) {
+            return Ok(truth);
+        }
+        match self.history.claim(self.plan, work.cell) {
+            Ok(Claim::Ours) => {}
+            Ok(Claim::Theirs(whose)) => return Err(whose),
+            Err(error) => return Ok(lost(&self.finish(work.cell, Ended::failed(error.to_string())))),
+        }
+        // Between the look and the claim, another process may have finished it.
+        let truth = match self.reference_that_is_there(place, work) {
+            Some(truth) => truth,
+            None => self.new_reference(place, work),
+        };
+        self.history.release(self.plan, work.cell);
+        Ok(truth)
+    }
+
+    fn reference_that_is_there(&mut self, place: usize, work: &Work<'_>) -> Option<Truth> {
+        match self.recorded_reference(place) {
+            Ok(Some(ended)) => Some(match self.finish(work.cell, ended) {
+                Outcome::Cached(_) => Truth::Recorded,
+                outcome => lost(&outcome),
+            }),
+            Ok(None) => None,
+            Err(problem) => {
+                let text = format!("the reference that was there is rendered again: {problem}");
+                let reason = self.say(Level::Warn, work.cell, text).err()?;
+                Some(lost(&self.finish(work.cell, Ended::failed(reason))))
             }
         }
     }
 
-    fn rendered_reference(&mut self, place: usize, work: &Work<'_>) -> Truth {
-        match self.recorded_reference(place) {
-            Ok(Some(ended)) => {
-                return match self.finish(work.cell, ended, Floors::default()) {
-                    Outcome::Cached(_) => Truth::Recorded,
-                    outcome => lost(&outcome),
-                };
-            }
-            Ok(None) => {}
-            Err(problem) => {
-                let text = format!("the reference that was there is rendered again: {problem}");
-                if let Err(reason) = self.say(Level::Warn, work.cell, text) {
-                    return lost(&self.finish(work.cell, Ended::failed(reason), Floors::default()));
-                }
-            }
-        }
+    fn new_reference(&mut self, place: usize, work: &Work<'_>) -> Truth {
         let mut ended = self.perform(work);
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
         if let Some(film) = &ended.film {
@@ -168,10 +285,10 @@ impl<'a, 's> Night<'a, 's> {
             };
             let told = self.emit(&Event::Halves { reference: place, halves });
             if let Err(reason) = told.and_then(|()| self.learn_floors(place, image, &images)) {
-                return lost(&self.finish(work.cell, Ended::failed(reason), Floors::default()));
+                return lost(&self.finish(work.cell, Ended::failed(reason)));
             }
         }
-        let outcome = self.finish(work.cell, ended, Floors::default());
+        let outcome = self.finish(work.cell, ended);
         match (outcome, image) {
             (Outcome::Done(_), Some(image)) => {
                 self.recent = Some((place, Arc::clone(&image)));
@@ -199,33 +316,50 @@ impl<'a, 's> Night<'a, 's> {
         Ok(Some(Ended::cached(run.folder, run.rows)))
     }
 
-    fn cell(&mut self, place: usize) {
+    fn cell(&mut self, place: usize) -> Look {
         let plan = self.plan;
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
         if let Some(run) = self.history.done(plan, cell) {
-            self.finish(cell, Ended::cached(run.folder, run.rows), run.floors);
-            return;
+            self.finish(cell, Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) });
+            return Look::Ended;
         }
-        let mut floors = Floors::default();
-        let ended = match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
-            Err(reason) => Ended::failed(reason),
-            Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
+        if let Some(reference) = it.reference
+            && let Truth::Ahead = self.truths[reference]
+        {
+            // Its reference was with another process when its turn came, and comes before it when all is gone through
+            // again; a narrowed night renders it when it is first needed.
+            if let Look::Elsewhere(whose) = self.reference(reference) {
+                return Look::Elsewhere(whose);
+            }
+        }
+        match self.history.claim(plan, cell) {
+            Ok(Claim::Ours) => {}
+            Ok(Claim::Theirs(whose)) => return Look::Elsewhere(whose),
+            Err(error) => {
+                self.finish(cell, Ended::failed(error.to_string()));
+                return Look::Ended;
+            }
+        }
+        // Between the look and the claim, another process may have finished it.
+        let ended = match self.history.done(plan, cell) {
+            Some(run) => Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) },
+            None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
                 Err(reason) => Ended::failed(reason),
-                Ok(known) => {
-                    floors = known;
-                    self.perform(&Work {
-                        cell,
-                        config: &it.config,
-                        scene: &it.scene,
-                        seeds: &[it.seed],
-                        stop: &it.stop,
-                        reference,
-                    })
-                }
+                Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
+                    Err(reason) => Ended::failed(reason),
+                    Ok(floors) => {
+                        let (config, scene, stop) = (&it.config, &it.scene, &it.stop);
+                        let seeds = &[it.seed];
+                        let work = Work { cell, config, scene, seeds, stop, reference, resolution: None };
+                        Ended { floors, ..self.perform(&work) }
+                    }
+                },
             },
         };
-        self.finish(cell, ended, floors);
+        self.finish(cell, ended);
+        self.history.release(plan, cell);
+        Look::Ended
     }
 
     /// The picture of a reference, which must have the given size.
@@ -251,8 +385,16 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
-    fn finish(&mut self, cell: CellRef, ended: Ended, floors: Floors) -> Outcome {
-        let Ended { mut outcome, film, layers, rows, halves: _ } = ended;
+    fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
+        let Ended { mut outcome, film, layers, rows, floors, halves: _ } = ended;
+        if let Outcome::Done(_) = outcome
+            && !self.history.holds(self.plan, cell)
+        {
+            let text = "another process took this run over while this one stood still; its results are the same";
+            // The run is not lost, only not recorded here.
+            let _ = self.say(Level::Warn, cell, text.to_owned());
+            outcome = Outcome::Interrupted;
+        }
         let rows = Arc::new(rows);
         let event = Event::CellFinished { cell, outcome: outcome.clone(), film, layers, rows: Arc::clone(&rows) };
         if let Err(reason) = self.emit(&event) {

@@ -10,12 +10,18 @@ use crate::experiment::stop::StopRule;
 pub(super) struct Waves {
     every_s: f64,
     pow2: bool,
-    size: u64,
+    /// Most samples of the next wave.
+    pub(super) size: u64,
 }
 
 impl Waves {
     pub(super) fn new(every_s: f64, pow2: bool) -> Waves {
         Waves { every_s, pow2, size: 1 }
+    }
+
+    /// The same in a run that goes on, whose next wave may have so many samples.
+    pub(super) fn from(self, growth: u64) -> Waves {
+        Waves { size: growth.max(1), ..self }
     }
 
     /// The size of the next wave, at least 1, given the measurements so far.

@@ -3,6 +3,7 @@
 //! They keep the promises of the main film: own samples are added in the order of their index by one thread, splats in
 //! whole numbers. What is refused there is refused here, so that films go on adding up to the picture.
 
+use std::io::{self, Write};
 use std::sync::OnceLock;
 
 use glam::Vec3;
@@ -10,6 +11,7 @@ use glam::Vec3;
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm, Layout};
 use crate::film::splat::SplatSums;
+use crate::film::state::{Misfit, Saved, write_words};
 use crate::render::Job;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
@@ -96,6 +98,25 @@ impl LayerSums {
     /// The films.
     pub(super) fn films(&self) -> &[LayerFilm] {
         self.spec.layout.films()
+    }
+
+    /// Writes all sums.
+    pub(super) fn save(&self, to: &mut dyn Write) -> io::Result<()> {
+        let numbers = self.own.iter().flat_map(|sums| [sums.sum, sums.sum2]).flatten();
+        write_words(to, numbers.map(f64::to_bits))?;
+        SplatSums::save(self.spec.splats.get(), to)
+    }
+
+    /// Takes sums of the same films.
+    pub(super) fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Misfit> {
+        for sums in &mut self.own {
+            for number in sums.sum.iter_mut().chain(&mut sums.sum2) {
+                *number = f64::from_bits(from.word()?);
+            }
+        }
+        let splats = SplatSums::restore(self.spec.pixels * self.spec.splat_films, from)?;
+        self.spec.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
+        Ok(())
     }
 
     /// The sums of one of them, splats included.

@@ -1,6 +1,7 @@
 //! The loop over pixels and samples.
 
 use std::cell::Cell;
+use std::io::{self, Write};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
@@ -12,6 +13,7 @@ use super::layers::{LayerSums, Sums, Tally};
 use crate::film::Film;
 use crate::film::layer::LayerFilm;
 use crate::film::splat::SplatSums;
+use crate::film::state::Saved;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
@@ -224,6 +226,31 @@ impl Renderer for CpuRenderer {
     fn layer(&self, index: usize) -> Option<Film> {
         let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
         Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        self.own.save(to)?;
+        SplatSums::save(self.splats.get(), to)?;
+        if let Some(layers) = &self.layers {
+            layers.save(to)?;
+        }
+        Ok(true)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        let mut from = Saved::new(state);
+        let take = || {
+            self.own.restore(&mut from)?;
+            let splats = SplatSums::restore(self.own.sum.len(), &mut from)?;
+            self.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
+            if let Some(layers) = &mut self.layers {
+                layers.restore(&mut from)?;
+            }
+            from.end()
+        };
+        take().map_err(|e| RenderError::Failed { backend: "cpu", reason: e.to_string() })?;
+        self.join();
+        Ok(())
     }
 
     fn open_stats(&self) -> &OpenStats {

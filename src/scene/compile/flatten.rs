@@ -345,6 +345,7 @@ mod tests {
 
     fn scene(shapes: Vec<(ShapeDesc, Transform)>, material: MaterialDesc) -> SceneDesc {
         SceneDesc {
+            views: Vec::new(),
             resolution: [8, 8],
             max_depth: 5,
             camera: CameraDesc {

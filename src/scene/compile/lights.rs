@@ -163,6 +163,7 @@ mod tests {
     fn scene(lights: Vec<LightKind>, environment: Option<EnvironmentDesc>) -> SceneDesc {
         let named = |(i, kind)| LightDesc { name: format!("l{i}"), kind };
         SceneDesc {
+            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera: CameraDesc {

@@ -156,6 +156,7 @@ mod tests {
             optics: Optics::default(),
         };
         SceneDesc {
+            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera,

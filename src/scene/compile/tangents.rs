@@ -78,6 +78,7 @@ mod tests {
         };
         mesh.content_hash = mesh_hash(&mesh);
         SceneDesc {
+            views: Vec::new(),
             resolution: [4, 4],
             max_depth: 2,
             camera: CameraDesc {

@@ -196,6 +196,7 @@ mod tests {
             shape,
         };
         SceneDesc {
+            views: Vec::new(),
             resolution: [4, 4],
             max_depth: 3,
             camera: CameraDesc {

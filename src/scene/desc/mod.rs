@@ -36,6 +36,8 @@ pub struct SceneDesc {
     pub max_depth: u32,
     /// The camera.
     pub camera: CameraDesc,
+    /// Other cameras by name; setting `camera` to a name puts one in its place.
+    pub views: Vec<(String, CameraDesc)>,
     /// The materials; faces that name none, or an unknown one, take the first.
     pub materials: Vec<MaterialDesc>,
     /// Everything that has a shape.
@@ -116,8 +118,7 @@ impl Transform {
         let rotation = DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
         let linear = DMat3::from_diagonal(self.scale.as_dvec3()) * rotation;
         let own = DAffine3::from_mat3_translation(linear, self.translate.as_dvec3());
-        DAffine3::from_mat3_translation(DMat3::from(self.frame.matrix3.as_dmat3()), self.frame.translation.as_dvec3())
-            * own
+        DAffine3::from_mat3_translation(self.frame.matrix3.as_dmat3(), self.frame.translation.as_dvec3()) * own
     }
 
     /// By how much the frame scales a sphere, which must stay one; `None` if it would be an ellipsoid.

@@ -8,7 +8,7 @@ mod obj;
 pub mod openexr;
 mod scn;
 
-pub(in crate::scene) use images::load as texture;
+pub use images::load as texture;
 
 use std::fs::File;
 use std::io::Read;
@@ -61,6 +61,10 @@ pub const FORMATS: &[FormatRow] = &[
         load: obj::load,
     },
 ];
+
+/// The note on a file that is only a mesh and brings no light; what takes the mesh in may have its own.
+pub const DARK_MESH: &str = "nothing in this mesh shines: `set` the emission of a material (`materials.NAME.emission`), or \
+                             name the mesh in a `.scn` or a Lua scene";
 
 /// How much of a file is read to recognise its format.
 const SNIFF_BYTES: u64 = 4096;

@@ -4,7 +4,7 @@ use mlua::Function;
 
 use super::stop::RuleObject;
 use crate::experiment::StopRule;
-use crate::experiment::spec::{Axis, FigureSpec, Measure, TableSpec};
+use crate::experiment::spec::{Axis, FigureSpec, Measure, NightSpec, TableSpec};
 use crate::script::source::Place;
 
 /// Everything a script said.
@@ -24,6 +24,8 @@ pub struct Builder {
     pub measure: Option<(Measure, Place)>,
     /// `x:stop(..)`.
     pub stop: Option<(Stop, Place)>,
+    /// `x:checkpoint(..)` and `x:deadline(..)`.
+    pub night: NightSpec,
     /// `x:figure(..)`, in order.
     pub figures: Vec<(FigureSpec, Place)>,
     /// `x:table(..)`, in order.

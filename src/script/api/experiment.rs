@@ -9,9 +9,10 @@ use super::builder::{Agree, Builder, Head, Reference, Stop};
 use super::stop::{Allowed, rule_of};
 use super::{ApiFn, Args, Param, axis, kind, measure, report};
 use crate::experiment::StopRule;
+use crate::experiment::spec::Deadline;
 use crate::script::error::ScriptError;
 use crate::script::source::Place;
-use crate::script::state::Shared;
+use crate::script::state::{Purpose, Shared};
 use crate::script::strict;
 use crate::value::Value;
 use crate::value::schema::{Field, Table, Ty, duration_s};
@@ -126,7 +127,7 @@ pub const GLOBALS: &[ApiFn] = &[ApiFn {
 }];
 
 /// Every method of the experiment, in the order of the annotations.
-pub const METHODS: &[&[ApiFn]] = &[axis::METHODS, OWN_METHODS, measure::METHODS, report::METHODS];
+pub const METHODS: &[&[ApiFn]] = &[axis::METHODS, OWN_METHODS, NIGHT_METHODS, measure::METHODS, report::METHODS];
 
 const OWN_METHODS: &[ApiFn] = &[
     ApiFn {
@@ -166,6 +167,58 @@ const OWN_METHODS: &[ApiFn] = &[
     },
 ];
 
+/// The methods that say how nights go.
+pub const NIGHT_METHODS: &[ApiFn] = &[
+    ApiFn {
+        name: "x:checkpoint",
+        params: &[Param {
+            name: "every",
+            ty: "string|number",
+            doc: "Render time between two checkpoints: \"60s\", or seconds.",
+        }],
+        returns: "",
+        doc: "Says how often an unfinished cell is saved, so that a night that was cut off goes on in its middle. Without \
+              it, every 60 s of render time, and more rarely where saving would cost over 1 % of it.",
+        call: checkpoint,
+    },
+    ApiFn {
+        name: "x:deadline",
+        params: &[Param {
+            name: "at",
+            ty: "string",
+            doc: "A time of day such as \"08:00\", or a length such as \"7.5h\".",
+        }],
+        returns: "",
+        doc: "Says when a night ends, finished or not. Cells then come from coarse to fine, so that what is finished is a \
+              complete smaller grid. `--until` of the command line replaces it.",
+        call: deadline,
+    },
+];
+
+fn one_value(args: &Args, shared: &Rc<Shared>) -> Result<Value, ScriptError> {
+    args.at_most(shared, 1)?;
+    let found = args.values.first().cloned().unwrap_or(LuaValue::Nil);
+    strict::read(&found, args.name, args.name).map_err(|e| args.blame(shared, e))
+}
+
+fn checkpoint(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    let every = duration_s(&one_value(args, shared)?).filter(|seconds| *seconds > 0.0);
+    let Some(every) = every else {
+        return Err(args.error(shared, "expected a duration above 0, such as \"60s\"", None));
+    };
+    shared.builder.borrow_mut().night.checkpoint_s = Some(every);
+    Ok(LuaValue::Nil)
+}
+
+fn deadline(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    let Some(deadline) = Deadline::parse(&one_value(args, shared)?) else {
+        let problem = "expected a time of day such as \"08:00\" or a length such as \"7.5h\"";
+        return Err(args.error(shared, problem, None));
+    };
+    shared.builder.borrow_mut().night.deadline = Some(deadline);
+    Ok(LuaValue::Nil)
+}
+
 fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 2)?;
     let name = args.text(shared, 0, "name")?;
@@ -181,6 +234,10 @@ fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, S
             None,
         ));
     }
+    if let Purpose::Scene { .. } = shared.purpose {
+        let help = Some("experiments name it by its file".to_owned());
+        return Err(args.error(shared, "a scene's file describes no experiment", help));
+    }
     if !shared.loading.get() {
         return Err(args.error(shared, "experiments are described while the script is read", None));
     }
@@ -192,7 +249,8 @@ fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, S
         _ => return Err(args.wrong(shared, 1, "options", "a table such as { seed = 1 }")),
     };
     let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64);
-    let object = super::experiment_object(lua, shared).map_err(|e| shared.convert(&e))?;
+    let object =
+        super::method_object(lua, shared, METHODS.iter().copied().flatten(), "x").map_err(|e| shared.convert(&e))?;
     shared.builder.borrow_mut().head = Some(Head {
         name,
         seed: integer("seed").map_or(0, i64::unsigned_abs),

@@ -16,7 +16,7 @@ use mlua::{Lua, MultiValue, Value as LuaValue};
 use super::error::ScriptError;
 use super::source::Place;
 use super::state::{Shared, make_strict};
-use super::{require, strict};
+use super::{require, scene, strict};
 use crate::value::Value;
 use crate::value::schema::SchemaError;
 
@@ -89,6 +89,7 @@ pub fn kind(value: &LuaValue) -> &'static str {
         LuaValue::UserData(u) if u.is::<stop::RuleObject>() => "a stop rule",
         LuaValue::UserData(u) if u.is::<measure::MetricObject>() => "a metric",
         LuaValue::UserData(u) if u.is::<report::TimeToObject>() => "a time_to value",
+        LuaValue::UserData(u) => scene::kind(u).unwrap_or("a Lua object"),
         _ => "a Lua object",
     }
 }
@@ -239,7 +240,7 @@ fn bind(lua: &Lua, shared: &Rc<Shared>, row: &'static ApiFn) -> mlua::Result<mlu
 /// When there is no memory.
 pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
     let globals = lua.globals();
-    for row in FUNCTIONS.iter().copied().flatten() {
+    for row in FUNCTIONS.iter().chain(scene::FUNCTIONS).copied().flatten() {
         let function = bind(lua, shared, row)?;
         match row.name.split_once('.') {
             None => globals.raw_set(row.name, function)?,
@@ -258,6 +259,8 @@ pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
         ("stop", &[] as &[_]),
         ("metric", &[]),
         ("tonemap", &[]),
+        ("shape", &[]),
+        ("texture", &[]),
         ("math", LEFT_OUT_OF_MATH),
         ("string", &[]),
         ("table", &[]),
@@ -268,15 +271,21 @@ pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
     make_strict(lua, shared, &globals, "", LEFT_OUT)
 }
 
-/// The experiment as Lua sees it: a table of methods that knows only them.
+/// The experiment or the scene as Lua sees it: a table of methods that knows only them. `me` is what the names of their
+/// rows call it.
 ///
 /// # Errors
 /// When there is no memory.
-pub fn experiment_object(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<mlua::Table> {
+pub fn method_object(
+    lua: &Lua,
+    shared: &Rc<Shared>,
+    rows: impl IntoIterator<Item = &'static ApiFn>,
+    me: &'static str,
+) -> mlua::Result<mlua::Table> {
     let object = lua.create_table()?;
     let identity = object.to_pointer() as usize;
-    for row in experiment::METHODS.iter().copied().flatten() {
-        let name = row.name.trim_start_matches("x:");
+    for row in rows {
+        let name = row.name.split_once(':').map_or(row.name, |(_, name)| name);
         let shared = Rc::clone(shared);
         let method = lua.create_function(move |lua, values: MultiValue| {
             let mut values: Vec<LuaValue> = values.into_iter().collect();
@@ -288,17 +297,21 @@ pub fn experiment_object(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<mlua::T
             let args = Args { name: row.name, values, place };
             if !is_self {
                 let help = format!("write `{}(..)` with a colon", row.name);
-                return Err(mlua::Error::external(args.error(&shared, "called without its experiment", Some(help))));
+                return Err(mlua::Error::external(args.error(
+                    &shared,
+                    format!("called without its `{me}`"),
+                    Some(help),
+                )));
             }
             if !shared.loading.get() {
-                let help = "x:.. may only be called while the script is read".to_owned();
-                let problem = "the experiment is already described: the plan is being made";
+                let help = format!("{me}:.. may only be called while the script is read");
+                let problem = "everything is already described: the plan is being made";
                 return Err(mlua::Error::external(args.error(&shared, problem, Some(help))));
             }
             (row.call)(&shared, lua, &args).map_err(mlua::Error::external)
         })?;
         object.raw_set(name, method)?;
     }
-    make_strict(lua, shared, &object, "x", &[])?;
+    make_strict(lua, shared, &object, me, &[])?;
     Ok(object)
 }

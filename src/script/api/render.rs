@@ -157,6 +157,20 @@ pub const RENDER: Table = Table {
             default: "",
             doc: "the scene's file, relative to the current folder or else to the script's",
         },
+        Field {
+            key: "scene_options",
+            ty: Ty::Any("table<string, string|number|boolean>"),
+            required: false,
+            default: "the scene's",
+            doc: "what is chosen of a Lua scene's options: { light = \"sun\" }",
+        },
+        Field {
+            key: "view",
+            ty: Ty::Str,
+            required: false,
+            default: "the scene's camera",
+            doc: "one of the scene's named views, to which the changes of camera then apply",
+        },
         Field { key: "integrator", ty: Ty::Word(&INTEGRATOR_NAMES), required: true, default: "", doc: "the technique" },
         Field {
             key: "max_depth",
@@ -272,6 +286,7 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
     Ok(CellConfig {
         scene_file: find_file(&scene, folder, &at("scene"), "scene")?,
         scene,
+        scene_options: scene_options(common.get("scene_options"), &at("scene_options"))?,
         integrator: row.name.to_owned(),
         params,
         max_depth: integer(common.get("max_depth")),
@@ -285,8 +300,30 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
     })
 }
 
+/// The options of a scene: named words, numbers and booleans.
+fn scene_options(value: Option<&Value>, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
+    let key = "scene_options";
+    let fail = |problem: String, key: &str| {
+        Err(SchemaError { path: path.to_owned(), problem, help: None, key: key.to_owned() })
+    };
+    match value {
+        None => Ok(BTreeMap::new()),
+        Some(Value::List(items)) if items.is_empty() => Ok(BTreeMap::new()),
+        Some(Value::Map(map)) => {
+            let plain = |v: &Value| matches!(v, Value::Bool(_) | Value::Int(_) | Value::Num(_) | Value::Str(_));
+            match map.iter().find(|(_, v)| !plain(v)) {
+                Some((name, v)) => {
+                    fail(format!("{name}: expected a word, a number or a boolean, found {}", v.kind()), name)
+                }
+                None => Ok(map.clone()),
+            }
+        }
+        Some(other) => fail(format!("expected a table of options, found {}", other.kind()), key),
+    }
+}
+
 /// The render table of a reference: the cell's own, with the overrides' fields in their place. Tables in it (`set`,
-/// `aa`, `camera`, `rr`) are merged field by field. Another integrator does not inherit the parameters of the cell's, and
+/// `aa`, `camera`, `rr`, `scene_options`) are merged field by field. Another integrator does not inherit the parameters of the cell's, and
 /// no reference inherits its layers: it is there to be measured against.
 pub fn merge(own: &BTreeMap<String, Value>, overrides: &BTreeMap<String, Value>) -> BTreeMap<String, Value> {
     let other = overrides.get("integrator").is_some_and(|i| own.get("integrator") != Some(i));
@@ -389,6 +426,16 @@ fn changes(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<B
                 key: "set".to_owned(),
             });
         }
+    }
+    if let Some(view) = map.get("view")
+        && changes.insert("camera".to_owned(), view.clone()).is_some()
+    {
+        return Err(SchemaError {
+            path: format!("{path}.view"),
+            problem: "said twice: `set` has `camera` as well".to_owned(),
+            help: None,
+            key: "view".to_owned(),
+        });
     }
     for (key, value) in map.get("camera").and_then(Value::as_map).into_iter().flatten() {
         let change = format!("camera.{key}");

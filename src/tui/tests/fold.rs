@@ -30,7 +30,7 @@ fn any_event() -> impl Strategy<Value = Event> {
     let rows = (0u32..40, proptest::collection::vec(number, 0..5));
     prop_oneof![
         1 => Just(()).prop_map(|()| Event::NightStarted { plan: night::plan() }),
-        4 => any_cell().prop_map(|cell| Event::CellStarted { cell, open: OpenStats::default(), reference: None }),
+        4 => any_cell().prop_map(|cell| Event::CellStarted { cell, open: OpenStats::default(), reference: None, resumed: Default::default() }),
         8 => (any_cell(), rows).prop_map(|(cell, (k, metrics))| {
             let mut row = night::row(k);
             row.metrics = metrics;

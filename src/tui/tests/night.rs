@@ -23,6 +23,7 @@ use crate::value::Value;
 
 fn scene() -> SceneDesc {
     SceneDesc {
+        views: Vec::new(),
         resolution: [512, 512],
         max_depth: 5,
         camera: CameraDesc {
@@ -43,6 +44,7 @@ fn scene() -> SceneDesc {
 
 fn config(depth: u32, radius: f32) -> CellConfig {
     CellConfig {
+        scene_options: BTreeMap::new(),
         scene: "scenes/cornell.scn".to_owned(),
         scene_file: PathBuf::from("scenes/cornell.scn"),
         integrator: "bpt".to_owned(),
@@ -116,6 +118,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             snapshots: Snapshots::Pow2,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
+        night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
         script_text: String::new(),
@@ -195,7 +198,10 @@ impl Teller {
             OpenStats { accel_build_s: 0.0021, accel_nodes: 1234, device: "cpu, 2 threads, obvhs PLOC BVH".to_owned() };
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));
         let start = self.clock_s;
-        self.events.push((Event::CellStarted { cell, open, reference: reference.clone() }, start));
+        self.events.push((
+            Event::CellStarted { cell, open, reference: reference.clone(), resumed: Default::default() },
+            start,
+        ));
         for k in 0..=last {
             let mut row = row(k);
             if reference.is_none() {

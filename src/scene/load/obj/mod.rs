@@ -16,7 +16,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::{Missing, read};
+use super::{DARK_MESH, Missing, read};
 use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
     mesh_hash,
@@ -64,17 +64,12 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     let materials: Vec<MaterialDesc> =
         mesh.slots.iter().map(|name| find(name).unwrap_or_else(|| MaterialDesc::new(name))).collect();
     if materials.iter().all(|m| m.emission == Vec3::ZERO) {
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "materials".to_owned(),
-            message: "nothing in this mesh shines: `set` the emission of a material (`materials.NAME.emission`), or \
-                      name the mesh in a `.scn`"
-                .to_owned(),
-        });
+        notes.push(Note { file: path.to_owned(), place: "materials".to_owned(), message: DARK_MESH.to_owned() });
     }
     let camera = framing_camera(&mesh.positions);
     let name = path.file_stem().map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
     let desc = SceneDesc {
+        views: Vec::new(),
         resolution: super::scn::DEFAULT_RESOLUTION,
         max_depth: super::scn::DEFAULT_MAX_DEPTH,
         camera,

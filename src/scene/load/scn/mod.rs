@@ -137,7 +137,16 @@ fn scene(json: &Json, report: &mut Report) -> Result<SceneDesc, SceneError> {
     };
     let known = ["resolution", "maxdepth", "camera", "materials", "entities", "lights", "environment"];
     root.note_unknown(known, report);
-    let desc = SceneDesc { resolution, max_depth, camera, materials, entities: entities.list, lights, environment };
+    let desc = SceneDesc {
+        views: Vec::new(),
+        resolution,
+        max_depth,
+        camera,
+        materials,
+        entities: entities.list,
+        lights,
+        environment,
+    };
     Ok(desc.with_default_material(false))
 }
 

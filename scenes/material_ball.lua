@@ -1,0 +1,43 @@
+-- One object on a base in one light: what a material does.
+--
+-- `shape` chooses the object: a `ball`, a `knot` whose curvature changes everywhere, or a `cube` with round edges. Its
+-- material is called `ball`, whatever it is; scripts set its parameters. Room and lamps are those of
+-- material_ball/material_ball.scn.
+
+local s = scene { resolution = { 256, 256 }, max_depth = 8 }
+local kind = s:option("shape", { "ball", "knot", "cube" })
+
+s:camera { position = { 0, 1.35, 2.7 }, target = { 0, 0.56, 0 }, fov = 29 }
+
+s:material("ball", { base_color = { 0.8, 0.8, 0.8 }, roughness = 0.5 })
+s:material("base", { base_color = { 0.12, 0.12, 0.13 }, roughness = 0.6 })
+s:material("checks", { base_color = { 0.9, 0.9, 0.9 }, base_color_texture = "material_ball/checks.png" })
+s:material("ceiling", { base_color = { 0.75, 0.75, 0.75 } })
+s:material("key", { emission = { 5, 4.8, 4.5 }, emitter_reflects = false })
+s:material("rim", { emission = { 5.5, 5.9, 6.5 }, emitter_reflects = false })
+s:import("material_ball/studio.obj")
+s:import("material_ball/base.obj")
+
+if kind == "ball" then
+  s:add { name = "ball", shape = shape.sphere { radius = 0.48 }, material = "ball", at = { 0, 0.6, 0 } }
+elseif kind == "cube" then
+  s:add {
+    name = "ball",
+    shape = shape.box { size = { 0.74, 0.74, 0.74 }, bevel = 0.09, segments = 12 },
+    material = "ball",
+    at = { 0, 0.52, 0 },
+    rotate = 33,
+  }
+else
+  -- A (2, 3) torus knot.
+  local points, n = {}, 480
+  for i = 0, n - 1 do
+    local t = 2 * math.pi * i / n
+    local out = 0.25 + 0.1 * math.cos(3 * t)
+    points[#points + 1] = { out * math.cos(2 * t), 0.14 * math.sin(3 * t), out * math.sin(2 * t) }
+  end
+  local knot = shape.tube { points = points, radius = 0.075, segments = 48, closed = true }
+  s:add { name = "ball", shape = knot, material = "ball", at = { 0, 0.58, 0 }, rotate = { 70, 0, 0 }, scale = 1.2 }
+end
+
+return s

@@ -1,0 +1,64 @@
+//! Deadlines: times of day by the local clock, and lengths of time.
+
+use std::time::{Duration, SystemTime};
+
+use jiff::Zoned;
+use jiff::civil::Time;
+
+use crate::experiment::spec::Deadline;
+use crate::value::Value;
+
+/// Reads `08:00` or `7.5h`.
+pub fn parse(text: &str) -> Result<Deadline, String> {
+    Deadline::parse(&Value::Str(text.to_owned()))
+        .ok_or_else(|| format!("expected a time of day such as 08:00 or a length such as 7.5h, found `{text}`"))
+}
+
+/// The moment of a deadline that is set now.
+///
+/// # Errors
+/// When the local clock never shows that time.
+pub fn moment(deadline: Deadline) -> Result<SystemTime, String> {
+    match deadline {
+        Deadline::After { seconds } => Ok(SystemTime::now() + Duration::from_secs(seconds)),
+        Deadline::Clock { minutes } => next(&Zoned::now(), minutes).map(|zoned| zoned.timestamp().into()),
+    }
+}
+
+/// The next moment after `now` at which clocks there show so many minutes after midnight. Where a change of the clock
+/// leaves that time out, it is the moment of the change and as much later.
+fn next(now: &Zoned, minutes: u16) -> Result<Zoned, String> {
+    let [hour, minute] = [minutes / 60, minutes % 60].map(|n| n as i8);
+    let on = |date: jiff::civil::Date| {
+        date.to_datetime(Time::constant(hour, minute, 0, 0)).to_zoned(now.time_zone().clone())
+    };
+    let today = on(now.date()).map_err(|e| e.to_string())?;
+    if today > *now {
+        return Ok(today);
+    }
+    now.date().tomorrow().and_then(on).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_of_day_is_the_next_one() {
+        let at = |text: &str| -> Zoned { text.parse().unwrap() };
+        let evening = at("2026-04-27T22:00:00+00:00[UTC]");
+        assert_eq!(next(&evening, 8 * 60).unwrap(), at("2026-04-28T08:00:00+00:00[UTC]"));
+        assert_eq!(next(&evening, 23 * 60 + 30).unwrap(), at("2026-04-27T23:30:00+00:00[UTC]"));
+        assert_eq!(next(&evening, 22 * 60).unwrap(), at("2026-04-28T22:00:00+00:00[UTC]"), "not this very moment");
+    }
+
+    #[test]
+    fn words_are_times_of_day_or_lengths() {
+        assert_eq!(parse("08:00"), Ok(Deadline::Clock { minutes: 480 }));
+        assert_eq!(parse("7.5h"), Ok(Deadline::After { seconds: 27_000 }));
+        assert_eq!(parse("90min"), Ok(Deadline::After { seconds: 5400 }));
+        for wrong in ["24:00", "8:60", "noon", "", "-1h", "08:00:00"] {
+            assert!(parse(wrong).unwrap_err().contains("08:00"), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Textures of scenes: files, and pictures that a function paints.
+
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use mlua::{Lua, UserData, Value as LuaValue, Variadic};
+
+use super::{object, scene_error};
+use crate::scene::desc::{Texels, TextureDesc, texture_hash};
+use crate::scene::load;
+use crate::script::api::{ApiFn, Args, Param};
+use crate::script::error::ScriptError;
+use crate::script::state::Shared;
+use crate::script::strict;
+use crate::value::Value;
+use crate::value::schema::{Field, Table, Ty};
+
+/// The options of `texture.paint`.
+pub const PAINT: Table = Table {
+    name: "Paint",
+    doc: "A picture that a function paints.",
+    fields: &[
+        Field {
+            key: "size",
+            ty: Ty::Nums { len: 2, min: 1.0, max: 4096.0 },
+            required: true,
+            default: "",
+            doc: "width and height in texels",
+        },
+        Field {
+            key: "color",
+            ty: Ty::Object("fun(u: number, v: number): number, number?, number?"),
+            required: true,
+            default: "",
+            doc: "red, green and blue (or one number for all) at the middle of each texel; u grows to the right and v \
+                  upwards, both from 0 to 1",
+        },
+        Field {
+            key: "linear",
+            ty: Ty::Bool,
+            required: false,
+            default: "false",
+            doc: "true: linear light of any brightness, for environments and emission. false: as a painter sees it, from 0 \
+                  to 1, decoded from sRGB where the texture is a colour",
+        },
+    ],
+};
+
+/// The constructors of textures.
+pub const GLOBALS: &[ApiFn] = &[
+    ApiFn {
+        name: "texture.file",
+        params: &[Param { name: "path", ty: "string", doc: "An image, relative to the scene's own folder." }],
+        returns: "Texture",
+        doc: "A texture from a file.",
+        call: file,
+    },
+    ApiFn {
+        name: "texture.paint",
+        params: &[Param { name: "options", ty: "Paint", doc: "Its size and its colours." }],
+        returns: "Texture",
+        doc: "A texture that a function paints.",
+        call: paint,
+    },
+];
+
+/// A texture in Lua.
+#[derive(Clone, Debug)]
+pub struct TextureObject(pub Arc<TextureDesc>);
+
+impl UserData for TextureObject {}
+
+/// The texture that a value is, or that it names.
+pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<Arc<TextureDesc>>, ScriptError> {
+    match value {
+        LuaValue::UserData(data) => Ok(data.borrow::<TextureObject>().ok().map(|t| Arc::clone(&t.0))),
+        LuaValue::String(name) => read(shared, args, &name.to_string_lossy()).map(Some),
+        _ => Ok(None),
+    }
+}
+
+fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
+    let path = shared.folder.join(name);
+    let mut notes = Vec::new();
+    let texture = load::texture(&path, &mut notes).map_err(|e| scene_error(shared, args, &e))?;
+    shared.scene.borrow_mut().notes.append(&mut notes);
+    Ok(Arc::new(texture))
+}
+
+fn file(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let name = args.text(shared, 0, "path")?;
+    object(shared, lua, TextureObject(read(shared, args, &name)?))
+}
+
+fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let table = args.table(shared, 0, "options")?;
+    let fields = strict::fields(&table, &PAINT, "texture.paint", false).map_err(|e| args.blame(shared, e))?;
+    let [width, height] = fields.values.get("size").map_or([1.0; 2], super::numbers).map(|n| n as u32);
+    let Some(LuaValue::Function(color)) = fields.objects.get("color") else {
+        return Err(args.error(shared, "color: expected a function of u and v", None));
+    };
+    let mut texels = Vec::with_capacity(width as usize * height as usize);
+    for y in 0..height {
+        for x in 0..width {
+            let u = (f64::from(x) + 0.5) / f64::from(width);
+            let v = 1.0 - (f64::from(y) + 0.5) / f64::from(height);
+            let found: Variadic<f64> = color.call((u, v)).map_err(|e| shared.convert(&e))?;
+            let rgb = match found.as_slice() {
+                [grey] => [*grey; 3],
+                [r, g, b] => [*r, *g, *b],
+                other => {
+                    let problem =
+                        format!("the function of a texture gave {} numbers: expected one or three", other.len());
+                    return Err(args.error(shared, problem, None));
+                }
+            };
+            if !rgb.iter().all(|c| c.is_finite()) {
+                return Err(args.error(shared, format!("its colour at u = {u}, v = {v} is not finite: {rgb:?}"), None));
+            }
+            texels.push([rgb[0] as f32, rgb[1] as f32, rgb[2] as f32, 1.0]);
+        }
+    }
+    let texels = if fields.values.get("linear") == Some(&Value::Bool(true)) {
+        Texels::RgbaF32(texels)
+    } else {
+        let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        Texels::Rgba8(texels.into_iter().map(|t| t.map(byte)).collect())
+    };
+    let content_hash = texture_hash(width, height, &texels);
+    object(
+        shared,
+        lua,
+        TextureObject(Arc::new(TextureDesc { file: PathBuf::new(), width, height, texels, content_hash })),
+    )
+}
