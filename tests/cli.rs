@@ -16,6 +16,8 @@ mod report;
 #[path = "cli/reproduce.rs"]
 mod reproduce;
 #[cfg(unix)]
+#[path = "cli/references.rs"]
+mod references;
 #[path = "cli/signals.rs"]
 mod signals;
 #[path = "cli/verify.rs"]

@@ -15,5 +15,7 @@ mod intervention;
 mod listeners;
 #[path = "experiment/night.rs"]
 mod night;
+#[path = "experiment/references.rs"]
+mod references;
 #[path = "experiment/sweep.rs"]
 mod sweep;

@@ -18,6 +18,8 @@ pub enum Exit {
     WorkLeft,
     /// A check of `verify` failed.
     NotVerified,
+    /// A second technique contradicts a reference.
+    Disagreement,
     /// SIGTERM or SIGHUP ended the night between waves; the same command goes on.
     Checkpointed,
     /// The user ended the night.
@@ -34,6 +36,7 @@ impl Exit {
             Exit::CellsFailed => 3,
             Exit::WorkLeft => 4,
             Exit::NotVerified => 5,
+            Exit::Disagreement => 6,
             Exit::Checkpointed => 75,
             Exit::Interrupted => 130,
         }

@@ -192,6 +192,7 @@ fn row_json(row: &WaveRow, columns: &[String]) -> Json {
     let metrics: serde_json::Map<_, _> = columns.iter().cloned().zip(row.metrics.iter().map(number)).collect();
     json!({
         "wave": row.wave, "samples": row.samples, "render_s": row.render_s, "wall_s": row.wall_s,
+        "measure_s": row.measure_s,
         "paths": row.paths, "rays": row.rays, "invalid": row.invalid, "first_invalid": row.first_invalid,
         "metrics": metrics,
     })

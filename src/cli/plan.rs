@@ -1,5 +1,6 @@
 //! `lumbre plan`: what would run, and what would not.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use serde_json::{Value as Json, json};
@@ -10,8 +11,9 @@ use super::load::{self, decode, shown};
 use super::run::counted;
 use super::text;
 use crate::experiment::event::History;
-use crate::experiment::plan::{Estimate, ReferenceSource};
-use crate::experiment::{CellRef, Plan};
+use crate::experiment::floors::floors;
+use crate::experiment::plan::{Estimate, ReferenceSource, unreachable};
+use crate::experiment::{Cell, CellRef, Plan, StopRule};
 use crate::store::{Archive, plan_json};
 
 /// Prints a script's plan.
@@ -30,10 +32,13 @@ pub(super) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit,
         CellRef::Cell(i) => cells[i].is_none(),
         CellRef::Reference(i) => references[i].is_none(),
     });
+    let reach = out_of_reach(plan, &archive);
     if as_json {
-        data(&format!("{:#}\n", with_states(plan, &cells, &references, &estimate)))?;
+        let mut json = with_states(plan, &cells, &references, &estimate);
+        json["out_of_reach"] = reach.into();
+        data(&format!("{json:#}\n"))?;
     } else {
-        data(&page(plan, &cells, &references, &estimate))?;
+        data(&page(plan, &cells, &references, &estimate, &reach))?;
     }
     Ok(Exit::Done)
 }
@@ -55,7 +60,34 @@ fn with_states(plan: &Plan, cells: &[Option<String>], references: &[Option<Strin
     json
 }
 
-fn page(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], estimate: &Estimate) -> String {
+/// What the references that are there already put out of reach. Reading their halves takes a moment, so only those are
+/// read on whose metrics a stop rule waits.
+fn out_of_reach(plan: &Plan, history: &dyn History) -> Vec<String> {
+    let waits = |cell: &Cell| {
+        let mut waits = false;
+        cell.stop.visit(&mut |rule| waits |= matches!(rule, StopRule::When { .. }));
+        waits
+    };
+    let awaited: BTreeSet<usize> = plan.cells.iter().filter(|c| waits(c)).filter_map(|c| c.reference).collect();
+    let sentences = |place: usize| -> Vec<String> {
+        match (history.image(plan, place), history.halves(plan, place)) {
+            (Ok(Some(image)), Ok(Some(halves))) => {
+                unreachable(plan, place, &floors(&plan.measure.metrics, &image, &halves))
+            }
+            (_, Err(error)) | (Err(error), _) => vec![format!("how noisy a reference is cannot be told: {error}")],
+            _ => Vec::new(),
+        }
+    };
+    awaited.into_iter().flat_map(sentences).collect()
+}
+
+fn page(
+    plan: &Plan,
+    cells: &[Option<String>],
+    references: &[Option<String>],
+    estimate: &Estimate,
+    reach: &[String],
+) -> String {
     let mut out = format!("{}  plan {}\n\n", plan.name, &plan.hash[..plan.hash.len().min(8)]);
     let state = |folder: &Option<String>| match folder {
         Some(folder) => format!("cached in {folder}"),
@@ -106,7 +138,7 @@ fn page(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], es
     for note in &plan.notes {
         let _ = writeln!(out, "note: {note}");
     }
-    for warning in &plan.warnings {
+    for warning in plan.warnings.iter().chain(reach) {
         let _ = writeln!(out, "warning: {warning}");
     }
     out

@@ -1,5 +1,6 @@
 //! The sink that keeps results: it hears the night and fills the run folders.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -8,7 +9,9 @@ use tracing::Level as LogLevel;
 
 use super::log::Log;
 use super::space::{self, patiently};
+use crate::experiment::agree::{Agreement, MAP_TOP};
 use crate::experiment::event::Level;
+use crate::experiment::floors::{Floors, net_columns, net_values};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Control, Event, Outcome, Plan, Sink, SinkError, WaveRow};
@@ -17,7 +20,7 @@ use crate::film::{Film, Image};
 use crate::output::{exr, layer, plot, png};
 use crate::render::OpenStats;
 use crate::scene::desc::content_hash;
-use crate::store::{FILMS, RunWriter, Store, StoreError, utc};
+use crate::store::{FILMS, HALVES, NOISE, RunWriter, Store, StoreError, utc};
 
 /// What wrote the files.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -29,6 +32,8 @@ pub struct Recorder<'a> {
     log: Log,
     control: Arc<Control>,
     current: Option<Current>,
+    /// The noise floors of the plan's references, as far as they were told.
+    floors: BTreeMap<usize, Floors>,
 }
 
 /// The run that is being filled.
@@ -37,6 +42,10 @@ struct Current {
     writer: RunWriter,
     open: OpenStats,
     facts: Facts,
+    /// The noise floors of what it is measured against.
+    floors: Floors,
+    /// Samples of the two halves, once they are written.
+    halves: Option<[u64; 2]>,
 }
 
 /// What every picture of a run says about itself.
@@ -68,7 +77,7 @@ impl Facts {
 impl<'a> Recorder<'a> {
     /// A recorder of one night of `plan`. Where the disk is full it waits until `control` is asked to stop.
     pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log, control: Arc<Control>) -> Recorder<'a> {
-        Recorder { store, plan, log, control, current: None }
+        Recorder { store, plan, log, control, current: None, floors: BTreeMap::new() }
     }
 
     fn start(
@@ -81,10 +90,15 @@ impl<'a> Recorder<'a> {
         let before = resumed.unwrap_or_default();
         let kept = resumed.map(|rows| rows.last().map_or(0, |row| row.samples));
         let mut writer = self.patiently(|| self.store.start(&self.plan, cell, kept))?;
-        if let CellRef::Cell(_) = cell {
-            let columns = if measured { self.plan.columns() } else { Vec::new() };
+        let mut floors = Floors::default();
+        if let CellRef::Cell(i) = cell {
+            let known = self.plan.cells[i].reference.and_then(|r| self.floors.get(&r));
+            floors = known.filter(|_| measured).cloned().unwrap_or_default();
+            let mut columns = if measured { self.plan.columns() } else { Vec::new() };
+            columns.extend(net_columns(&self.plan, &floors).into_iter().map(|(_, name)| name));
             let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-            self.patiently(|| writer.open_metrics(&columns, before))?;
+            let before: Vec<WaveRow> = before.iter().map(|row| with_net(&self.plan, &floors, row)).collect();
+            self.patiently(|| writer.open_metrics(&columns, &before))?;
         }
         self.log.set_run(Some(self.patiently(|| writer.open_log())?));
         self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
@@ -93,7 +107,7 @@ impl<'a> Recorder<'a> {
             "run": facts.run, "path": self.path(cell), "device": open.device,
             "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes,
         });
-        self.current = Some(Current { cell, writer, open: open.clone(), facts });
+        self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
         self.tell("cell_started", &fields);
         Ok(())
     }
@@ -107,7 +121,7 @@ impl<'a> Recorder<'a> {
         let (seed, scene) = match cell {
             CellRef::Cell(i) => (self.plan.cells[i].seed, Some(&self.plan.cells[i].scene)),
             CellRef::Reference(i) => match &self.plan.references[i].source {
-                ReferenceSource::Render { seed, scene, .. } => (*seed, Some(scene)),
+                ReferenceSource::Render { seeds, scene, .. } => (seeds[0], Some(scene)),
                 ReferenceSource::File(_) => (0, None),
             },
         };
@@ -134,6 +148,7 @@ impl<'a> Recorder<'a> {
         if let CellRef::Reference(_) = cell {
             return Ok(());
         }
+        let row = &with_net(&self.plan, &current.floors, row);
         let wait = || std::thread::sleep(space::STEP);
         patiently(&self.control, &wait, || current.writer.append_row(row)).map_err(lost)?;
         if keep {
@@ -156,7 +171,7 @@ impl<'a> Recorder<'a> {
         let Some(current) = self.current.take_if(|c| c.cell == cell) else {
             return Err(SinkError("the run ended before it was started".to_owned()));
         };
-        let Current { writer, open, facts, .. } = current;
+        let Current { writer, open, facts, floors, halves, .. } = current;
         let last = rows.last().cloned().unwrap_or_default();
         let metadata = facts.metadata(film.samples);
         let image = film.mean();
@@ -174,6 +189,15 @@ impl<'a> Recorder<'a> {
         self.keep_layers(cell, &writer, layers, &metadata)?;
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
+        if !floors.is_empty() {
+            done["floors"] = self.by_column(floors.iter().copied());
+            let net = net_columns(&self.plan, &floors).into_iter().map(|(_, name)| name);
+            let values = net_values(&self.plan, &floors, &last.metrics);
+            done["net"] = net.zip(values.into_iter().map(number)).collect::<serde_json::Map<_, _>>().into();
+        }
+        if let Some(halves) = halves {
+            done["halves"] = halves.to_vec().into();
+        }
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
@@ -206,11 +230,80 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Writes the halves of the reference that is being filled, and its standard error.
+    fn halves(&mut self, reference: usize, halves: &[Arc<Film>; 2]) -> Result<(), SinkError> {
+        let Some(current) = self.current.as_mut().filter(|c| c.cell == CellRef::Reference(reference)) else {
+            return Err(SinkError("halves of a reference that was never started".to_owned()));
+        };
+        let wait = || std::thread::sleep(space::STEP);
+        let seeds = match &self.plan.references[reference].source {
+            ReferenceSource::Render { seeds, .. } => *seeds,
+            ReferenceSource::File(_) => [0; 2],
+        };
+        let metadata = |samples: u64, seed: u64| {
+            let mut facts = current.facts.metadata(samples);
+            facts.retain(|(key, _)| key != "seed");
+            facts.push(("seed".to_owned(), seed.to_string()));
+            facts
+        };
+        for ((half, seed), name) in halves.iter().zip(seeds).zip(HALVES) {
+            let bytes = exr::encode(&half.mean(), &metadata(half.samples, seed)).map_err(failed)?;
+            patiently(&self.control, &wait, || current.writer.write(name, &bytes)).map_err(lost)?;
+        }
+        let joint = Film::pooled(&halves[0], &halves[1]);
+        let mut noise = joint.variance_of_mean();
+        noise.data.as_flattened_mut().iter_mut().for_each(|x| *x = x.sqrt());
+        let mut facts = metadata(joint.samples, seeds[0]);
+        facts.push(("shows".to_owned(), "standard error of each pixel's mean".to_owned()));
+        let bytes = exr::encode(&noise, &facts).map_err(failed)?;
+        patiently(&self.control, &wait, || current.writer.write(NOISE, &bytes)).map_err(lost)?;
+        current.halves = Some([halves[0].samples, halves[1].samples]);
+        Ok(())
+    }
+
+    /// Writes what the comparison of a reference with a second technique found, beside the reference: the map of its
+    /// deviates and the finding itself.
+    fn agreement(&self, reference: usize, with: usize, found: &Agreement) -> Result<(), SinkError> {
+        let technique = match &self.plan.references[with].source {
+            ReferenceSource::Render { config, .. } => config.integrator.as_str(),
+            ReferenceSource::File(_) => "file",
+        };
+        let ids = [reference, with].map(|i| self.plan.references[i].id.0.clone());
+        let finding = json!({
+            "reference": ids[0], "second": ids[1], "technique": technique, "agrees": found.agrees(),
+            "finding": found.describe(), "comparisons": found.comparisons, "false_discovery_rate": found.rate,
+            "ratio": number(found.ratio), "ratio_error": number(found.ratio_error),
+            "whole_differs": found.whole_differs, "program": PROGRAM,
+            "differing": found.differing.iter().map(|block| json!({
+                "at": block.at, "channel": block.channel, "z": number(block.z), "p": number(block.p),
+            })).collect::<Vec<_>>(),
+        });
+        let metadata: Vec<(String, String)> = [
+            ("run", ids[0].clone()),
+            ("second", ids[1].clone()),
+            ("shows", format!("deviates of blocks from {technique}, -{MAP_TOP} blue to {MAP_TOP} red")),
+            ("program", PROGRAM.to_owned()),
+        ]
+        .into_iter()
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect();
+        let picture = png::encode_map(&found.map, found.map.scale(None), &metadata).map_err(failed)?;
+        let name = |extension: &str| format!("agree-{technique}.{extension}");
+        let write = |name: &str, bytes: &[u8]| self.store.write_reference(&self.plan, reference, name, bytes);
+        write(&name("png"), &picture).map_err(lost)?;
+        write(&name("json"), format!("{finding:#}\n").as_bytes()).map_err(lost)?;
+        self.tell("agreement", &finding);
+        Ok(())
+    }
+
     fn metrics(&self, row: &WaveRow) -> Json {
-        let columns = self.plan.columns();
-        // JSON has no infinities: they are text, as everywhere in Lumbre.
-        let number = |x: &f64| serde_json::Number::from_f64(*x).map_or_else(|| json!(x.to_string()), Json::Number);
-        columns.into_iter().zip(row.metrics.iter().map(number)).collect::<serde_json::Map<_, _>>().into()
+        self.by_column(row.metrics.iter().copied().map(Some))
+    }
+
+    /// Values in the order of the plan's columns, by their names; what is not known is left out.
+    fn by_column(&self, values: impl Iterator<Item = Option<f64>>) -> Json {
+        let named = self.plan.columns().into_iter().zip(values);
+        named.filter_map(|(column, x)| Some((column, number(x?)))).collect::<serde_json::Map<_, _>>().into()
     }
 
     fn finished_fields(&self, cell: CellRef, outcome: &Outcome, rows: &[WaveRow]) -> Json {
@@ -251,6 +344,12 @@ impl Sink for Recorder<'_> {
                 self.start(*cell, open, reference.is_some(), resumed.as_deref().map(Vec::as_slice))
             }
             Event::Wave { cell, row, image, pow2, .. } => self.wave(*cell, row, image, *pow2),
+            Event::Floors { reference, floors } => {
+                self.floors.insert(*reference, Arc::clone(floors));
+                Ok(())
+            }
+            Event::Agreement { reference, with, found } => self.agreement(*reference, *with, found),
+            Event::Halves { reference, halves } => self.halves(*reference, halves),
             Event::CellFinished { cell, outcome, film, layers, rows } => {
                 let kept = match (outcome, film) {
                     (Outcome::Done(reason), Some(film)) => self.finish(*cell, reason, film, layers, rows),
@@ -292,6 +391,17 @@ impl Sink for Recorder<'_> {
     }
 }
 
+/// A measurement with the values of its net columns behind those of its metrics.
+fn with_net(plan: &Plan, floors: &Floors, row: &WaveRow) -> WaveRow {
+    let net = net_values(plan, floors, &row.metrics);
+    WaveRow { metrics: row.metrics.iter().copied().chain(net).collect(), ..row.clone() }
+}
+
+/// A number as JSON, which has no infinities: they are text, as everywhere in Lumbre.
+fn number(x: f64) -> Json {
+    serde_json::Number::from_f64(x).map_or_else(|| json!(x.to_string()), Json::Number)
+}
+
 fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: &WaveRow, metrics: &Json) -> Json {
     json!({
         "run": facts.run,
@@ -299,6 +409,7 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "samples": samples,
         "render_s": last.render_s,
         "wall_s": last.wall_s,
+        "measure_s": last.measure_s,
         "waves": last.wave,
         "paths": last.paths,
         "rays": last.rays,

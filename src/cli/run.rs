@@ -92,6 +92,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
     if !told {
         say_failures(plan, &night);
     }
+    say_disagreements(&plan, &night);
     if !global.quiet {
         say_where(&store, plan, &night);
     }
@@ -104,7 +105,12 @@ fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) ->
     let seen: BTreeSet<CellRef> = night.results.iter().map(|result| result.cell).collect();
     for cell in (0..plan.cells.len()).map(CellRef::Cell).filter(|cell| !seen.contains(cell)) {
         if let Some(run) = history.done(plan, cell) {
-            night.results.push(CellResult { cell, outcome: Outcome::Cached(run.folder), rows: Arc::new(run.rows) });
+            night.results.push(CellResult {
+                cell,
+                outcome: Outcome::Cached(run.folder),
+                rows: Arc::new(run.rows),
+                floors: run.floors,
+            });
         }
     }
     night
@@ -294,6 +300,14 @@ fn say_failures(plan: &Plan, night: &NightSummary) {
     }
 }
 
+/// Names the references that a second technique contradicts, also in quiet nights.
+fn say_disagreements(plan: &Plan, night: &NightSummary) {
+    for found in &night.disagreements {
+        let id = &plan.references[found.reference].id;
+        talk(&format!("alarm: reference {id} {}; its folder has the map, and so exit code 6", found.found));
+    }
+}
+
 fn say_where(store: &Store, plan: &Plan, night: &NightSummary) {
     let folder = store.folder();
     let count = |wanted: fn(&Outcome) -> bool| night.results.iter().filter(|r| wanted(&r.outcome)).count();
@@ -318,6 +332,9 @@ fn exit_of(plan: &Plan, night: &NightSummary, ended: Exit) -> Exit {
         night.results.iter().filter(|r| matches!(r.cell, CellRef::Cell(_)) && settled(&r.outcome)).count();
     if night.interrupted {
         ended
+    } else if !night.disagreements.is_empty() {
+        // What is measured against a wrong truth is worse than what is not measured at all.
+        Exit::Disagreement
     } else if night.results.iter().any(|r| matches!(r.outcome, Outcome::Failed(_))) {
         Exit::CellsFailed
     } else if settled_cells < plan.cells.len() {

@@ -4,6 +4,8 @@ use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::agree::Agreement;
+use super::floors::{Floors, HalfImages};
 use super::plan::Plan;
 use super::standing::{Checkpoint, Claim, Standing};
 use crate::film::layer::LayerImage;
@@ -30,6 +32,8 @@ pub struct WaveRow {
     pub render_s: f64,
     /// Seconds since the cell started, everything included.
     pub wall_s: f64,
+    /// Seconds spent measuring so far, which are no part of `render_s`.
+    pub measure_s: f64,
     /// Camera paths so far.
     pub paths: u64,
     /// Rays so far.
@@ -92,6 +96,15 @@ pub enum Event {
         /// The measurements of an earlier process, if the run goes on from its checkpoint.
         resumed: Option<Arc<Vec<WaveRow>>>,
     },
+    /// What the noise of a reference leaves to be measured is known. Told once a night for a reference with halves,
+    /// before the first cell that is measured against it starts.
+    Floors {
+        /// Index into [`Plan::references`].
+        reference: usize,
+        /// The value that the true picture would have, in the order of the plan's columns; `None` for metrics of which
+        /// that cannot be said. No run can be measured to be better.
+        floors: Floors,
+    },
     /// A wave ended and was measured.
     Wave {
         /// Which.
@@ -104,6 +117,22 @@ pub enum Event {
         image: SharedImage,
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
+    },
+    /// A reference was compared with the same picture by a second technique; see [`Plan::references`].
+    Agreement {
+        /// Index of the reference.
+        reference: usize,
+        /// Index of the second picture.
+        with: usize,
+        /// What was found.
+        found: Arc<Agreement>,
+    },
+    /// A reference has been rendered; its [`Event::CellFinished`] follows.
+    Halves {
+        /// Index into [`Plan::references`].
+        reference: usize,
+        /// Its two independent halves.
+        halves: [Arc<Film>; 2],
     },
     /// A cell ended. Recorders write its results when they hear this, before the night goes on.
     CellFinished {
@@ -161,6 +190,22 @@ pub trait History {
     /// When it is there but cannot be read.
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError>;
 
+    /// The standard error of every pixel of a finished reference, if it was kept with it.
+    ///
+    /// # Errors
+    /// When it is there but cannot be read.
+    fn noise(&self, _plan: &Plan, _reference: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
+
+    /// The two halves of a finished reference, if it was kept with them.
+    ///
+    /// # Errors
+    /// When they are there but cannot be read.
+    fn halves(&self, _plan: &Plan, _reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        Ok(None)
+    }
+
     /// Makes a run this process's own, so that no other one works on it, until [`History::release`].
     ///
     /// # Errors
@@ -199,6 +244,8 @@ pub struct FinishedRun {
     pub folder: std::path::PathBuf,
     /// Its measurements, oldest first.
     pub rows: Vec<WaveRow>,
+    /// The noise floors of what it was measured against, if they were known.
+    pub floors: Floors,
 }
 
 /// A limit at which the night pauses by itself, for someone who wants to look. It is no stop rule: those decide what a

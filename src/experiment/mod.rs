@@ -3,8 +3,10 @@
 //! Everything here is plain data or a trait: nothing knows Lua, files, or the terminal. [`Sink`]s listen to
 //! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
 
+pub mod agree;
 pub mod event;
 pub mod evidence;
+pub mod floors;
 pub mod outline;
 pub mod plan;
 pub mod run;

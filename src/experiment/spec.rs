@@ -224,9 +224,22 @@ pub enum ReferenceRequest {
         config: Box<CellConfig>,
         /// When it is good enough.
         stop: StopRule,
+        /// The second technique that has to mean the same picture, if any.
+        agree: Option<Box<AgreeRequest>>,
     },
     /// An EXR file made elsewhere.
     File(PathBuf),
+}
+
+/// A picture that a reference is compared with, so that a mistake of its integrator is found out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AgreeRequest {
+    /// What to render: the reference's own picture by another technique.
+    pub config: CellConfig,
+    /// When it is good enough.
+    pub stop: StopRule,
+    /// Of the blocks that are called different, the share that may be so by chance, above 0 and below 1.
+    pub rate: f64,
 }
 
 /// An error from the script's side, already fit for people.

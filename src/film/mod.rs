@@ -78,6 +78,43 @@ impl Film {
         Film { width, height, samples: 0, sum: vec![[0.0; 3]; n], sum2: vec![[0.0; 3]; n] }
     }
 
+    /// Two independent films of the same picture as one: all their samples together.
+    ///
+    /// The sums of squares are such that [`Film::variance_of_mean`] is that of the joint mean, whose weights are the
+    /// numbers of samples: `(n1² v1 + n2² v2) / (n1 + n2)²`. That holds for films with splats too, whose sums of squares
+    /// cannot simply be added. A film of fewer than two samples knows no variance, and lends that of the other.
+    ///
+    /// # Panics
+    /// When the sizes differ.
+    pub fn pooled(first: &Film, second: &Film) -> Film {
+        assert_eq!([first.width, first.height], [second.width, second.height], "sizes differ");
+        let mut all = Film::new(first.width, first.height);
+        all.samples = first.samples + second.samples;
+        let n = all.samples as f64;
+        if all.samples == 0 {
+            return all;
+        }
+        let parts = [first, second].map(|film| film.samples as f64);
+        for (i, (sum, sum2)) in all.sum.iter_mut().zip(&mut all.sum2).enumerate() {
+            for c in 0..3 {
+                sum[c] = first.sum[i][c] + second.sum[i][c];
+                // The sample variance of each part, in which it has one degree of freedom less than samples.
+                let spread = [first, second].map(|film| {
+                    let (s, q, m) = (film.sum[i][c], film.sum2[i][c], film.samples as f64);
+                    if m < 2.0 { None } else { Some(((q - s * s / m) / (m - 1.0)).max(0.0)) }
+                });
+                let known: f64 = spread.iter().zip(parts).filter(|(v, _)| v.is_some()).map(|(_, m)| m).sum();
+                let variance = if known > 0.0 {
+                    spread.iter().zip(parts).map(|(v, m)| v.unwrap_or(0.0) * m).sum::<f64>() / known
+                } else {
+                    0.0
+                };
+                sum2[c] = variance * (n - 1.0) + sum[c] * sum[c] / n;
+            }
+        }
+        all
+    }
+
     /// The estimate: mean over samples. Black while there are none.
     pub fn mean(&self) -> Image {
         let scale = if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 };
@@ -121,6 +158,30 @@ mod tests {
         assert!((mean / 0.1 - 1.0).abs() < 1e-6, "{mean}");
         let running = (0..1u32 << 26).fold(0.0f32, |s, _| s + 0.1) / (1u32 << 26) as f32;
         assert!((running / 0.1 - 1.0).abs() > 0.1, "an f32 sum would have done: {running}");
+    }
+
+    #[test]
+    fn two_films_are_pooled_by_their_samples() {
+        let film = |values: &[f64]| {
+            let mut film = Film::new(1, 1);
+            for x in values {
+                film.sum[0] = film.sum[0].map(|s| s + x);
+                film.sum2[0] = film.sum2[0].map(|s| s + x * x);
+            }
+            film.samples = values.len() as u64;
+            film
+        };
+        let (few, many) = (film(&[1.0, 3.0]), film(&[2.0, 6.0, 7.0, 1.0]));
+        let all = Film::pooled(&few, &many);
+        assert_eq!((all.samples, all.mean().at(0, 0)[0]), (6, (20.0 / 6.0) as f32));
+        // Variances of the means: 1 and 26 / 12; joint: (4 * 1 + 16 * 26 / 12) / 36.
+        let expected = (4.0 + 16.0 * 26.0 / 12.0) / 36.0;
+        assert!((f64::from(all.variance_of_mean().at(0, 0)[1]) - expected).abs() < 1e-6);
+        // One sample alone has no variance; it borrows.
+        let lent = Film::pooled(&film(&[4.0]), &many).variance_of_mean().at(0, 0)[0];
+        assert!((f64::from(lent) - 26.0 / 3.0 / 5.0).abs() < 1e-6, "{lent}");
+        assert_eq!(Film::pooled(&Film::new(1, 1), &many).mean(), many.mean());
+        assert_eq!(Film::pooled(&Film::new(1, 1), &Film::new(1, 1)), Film::new(1, 1));
     }
 
     #[test]

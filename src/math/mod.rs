@@ -1,5 +1,6 @@
 //! Mathematics without light: frames, warps, random numbers, distributions and the statistics of tests.
 
+pub mod discovery;
 pub mod distribution;
 pub mod frame;
 pub mod rng;

@@ -1,5 +1,6 @@
 //! Mean bias and its standard error.
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON, pixels};
 use crate::film::Image;
@@ -22,6 +23,7 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::CoolWarm,
         top: None,
     }),
+    noise: Noise::Silent,
     settle: None,
 };
 
@@ -52,6 +54,7 @@ pub const ERROR_ROW: MetricRow = MetricRow {
     smallest: |spec| block(spec) as u32 + 1,
     eval: standard_error,
     map: None,
+    noise: Noise::AddsSquared,
     settle: None,
 };
 

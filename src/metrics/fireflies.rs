@@ -8,6 +8,7 @@
 //! Where more than half of a picture is still black, `s` is zero and `excess` alone decides: its few lit pixels are
 //! fireflies as long as they shine more than that.
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON};
 use crate::film::Image;
@@ -61,6 +62,7 @@ pub const ROW: MetricRow = MetricRow {
         excess.iter().filter(|e| **e > 0.0).count() as f64
     },
     map: Some(PixelMap { eval: excess, colours: Colours::Magma, top: None }),
+    noise: Noise::Silent,
     settle: None,
 };
 

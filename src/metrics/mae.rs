@@ -1,5 +1,6 @@
 //! Mean absolute error.
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
@@ -21,5 +22,6 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::Magma,
         top: None,
     }),
+    noise: Noise::Bounds,
     settle: None,
 };

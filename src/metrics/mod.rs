@@ -19,6 +19,7 @@ mod bias;
 mod colour;
 mod fireflies;
 mod flip;
+pub mod floor;
 mod mae;
 pub mod map;
 mod mse;
@@ -35,6 +36,7 @@ use std::collections::BTreeMap;
 use crate::film::Image;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use floor::Noise;
 use map::{ErrorMap, PixelMap};
 use tonemap::Tonemap;
 
@@ -95,6 +97,8 @@ pub struct MetricRow {
     pub eval: fn(&Image, &Image, &MetricSpec) -> f64,
     /// How it shows where in the picture the error lies, if it can. The images are as for `eval`.
     pub map: Option<PixelMap>,
+    /// What the noise of a reference does to it.
+    pub noise: Noise,
     /// The options that are chosen by looking at the reference when they are `auto`, with what is chosen.
     pub settle: Option<Settle>,
 }

@@ -1,5 +1,6 @@
 //! Mean squared error.
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
@@ -21,5 +22,6 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::Magma,
         top: None,
     }),
+    noise: Noise::Adds,
     settle: None,
 };

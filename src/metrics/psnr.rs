@@ -1,5 +1,6 @@
 //! Peak signal-to-noise ratio.
 
+use super::floor::Noise;
 use super::{Better, MetricRow, ON, RANGE, pixels};
 use crate::value::schema::Table;
 
@@ -20,5 +21,6 @@ pub const ROW: MetricRow = MetricRow {
         10.0 * (range * range / mse).log10()
     },
     map: None,
+    noise: Noise::Decibels,
     settle: None,
 };

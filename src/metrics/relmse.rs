@@ -1,5 +1,6 @@
 //! Relative mean squared error.
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::{Field, Table, Ty};
@@ -41,5 +42,6 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::Magma,
         top: None,
     }),
+    noise: Noise::Adds,
     settle: None,
 };

@@ -1,5 +1,6 @@
 //! Root mean square error.
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
@@ -24,5 +25,6 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::Magma,
         top: None,
     }),
+    noise: Noise::AddsSquared,
     settle: None,
 };

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON, RANGE};
 use crate::film::Image;
@@ -56,6 +57,7 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::Magma,
         top: Some(1.0),
     }),
+    noise: Noise::Similarity,
     settle: None,
 };
 

@@ -84,6 +84,32 @@ impl Sums {
     }
 }
 
+/// One comparison: a block of pixels, or the dark rest of the picture, in one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged {
+    /// Column and row of the block's first pixel; `None` for the dark rest.
+    pub at: Option<[u32; 2]>,
+    /// Channel, from 0.
+    pub channel: usize,
+    /// The deviate of the difference, first minus second.
+    pub z: f64,
+    /// Its two-sided p-value.
+    pub p: f64,
+}
+
+/// Every comparison of two estimates, and those of the whole picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// The blocks that are bright enough, row by row, and at last the dark rest.
+    pub judged: Vec<Judged>,
+    /// The blocks of the dark rest, each for itself: where light is, but not what is significant.
+    pub dark: Vec<Judged>,
+    /// The deviates of the differences of the channels' sums over the whole picture.
+    pub whole: [f64; 3],
+    /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
+    pub ratio: f64,
+}
+
 /// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the second picture is
 /// below `bright_enough` are pooled; where all of them together are below it in both pictures, nothing is said of them.
 ///
@@ -92,16 +118,30 @@ impl Sums {
 /// # Panics
 /// When the sizes differ.
 pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> ZTest {
+    let Blocks { judged, whole, ratio, .. } = blocks(first, second, block, bright_enough);
+    let worst = judged.iter().filter(|j| j.p < 1.0).reduce(|a, b| if b.p < a.p { b } else { a });
+    ZTest {
+        comparisons: judged.len(),
+        worst_p: worst.map_or(1.0, |j| j.p),
+        worst_at: worst.and_then(|j| j.at),
+        ratio,
+        z: whole.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default(),
+    }
+}
+
+/// The comparisons that [`compare`] sums up, one by one.
+///
+/// # Panics
+/// When the sizes differ.
+pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> Blocks {
     assert_eq!([first.mean.width, first.mean.height], [second.mean.width, second.mean.height], "sizes differ");
     let [width, height] = [first.mean.width, first.mean.height];
     let [columns, rows] = [width, height].map(|side| side.div_ceil(block));
-    let mut found = ZTest { comparisons: 0, worst_p: 1.0, worst_at: None, ratio: f64::NAN, z: 0.0 };
-    let mut judge = |sums: &Sums, at: Option<[u32; 2]>| {
-        found.comparisons += 1;
-        let p = normal_two_sided_p(sums.z());
-        if p < found.worst_p {
-            (found.worst_p, found.worst_at) = (p, at);
-        }
+    let mut judged = Vec::new();
+    let mut dark_blocks = Vec::new();
+    let judge = |sums: &Sums, channel: usize, at: Option<[u32; 2]>| {
+        let z = sums.z();
+        Judged { at, channel, z, p: normal_two_sided_p(z) }
     };
     let mut dark = [Sums::default(); 3];
     let mut whole = [Sums::default(); 3];
@@ -118,16 +158,18 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
             }
             whole.add(sums);
             if sums.second >= bright_enough {
-                judge(&sums, Some([bx * block, by * block]));
+                judged.push(judge(&sums, c, Some([bx * block, by * block])));
             } else {
+                dark_blocks.push(judge(&sums, c, Some([bx * block, by * block])));
                 dark.add(sums);
             }
         }
     }
-    dark.iter().filter(|sums| sums.first.max(sums.second) >= bright_enough).for_each(|sums| judge(sums, None));
+    for (c, sums) in dark.iter().enumerate().filter(|(_, sums)| sums.first.max(sums.second) >= bright_enough) {
+        judged.push(judge(sums, c, None));
+    }
     let [first, second] = [|s: &Sums| s.first, |s: &Sums| s.second].map(|of| whole.iter().map(of).sum::<f64>());
-    let z = whole.iter().map(Sums::z).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default();
-    ZTest { ratio: first / second, z, ..found }
+    Blocks { judged, dark: dark_blocks, whole: whole.map(|sums| sums.z()), ratio: first / second }
 }
 
 #[cfg(test)]

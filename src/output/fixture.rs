@@ -113,6 +113,7 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
         samples: 1 << i,
         render_s: *render_s,
         wall_s: render_s * 1.5,
+        measure_s: render_s * 0.1,
         paths: 2_000_000 << i,
         rays: 8_000_000 << i,
         invalid: 0,
@@ -123,12 +124,13 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
         cell: CellRef::Cell(cell),
         outcome: Outcome::Done("64 samples".to_owned()),
         rows: Arc::new(rows.collect()),
+        floors: Arc::default(),
     }
 }
 
 /// A result with another outcome and no measurements.
 pub fn ended(cell: usize, outcome: Outcome) -> CellResult {
-    CellResult { cell: CellRef::Cell(cell), outcome, rows: Arc::default() }
+    CellResult { cell: CellRef::Cell(cell), outcome, rows: Arc::default(), floors: Arc::default() }
 }
 
 /// Text values.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::labels::{csv_line, exact};
+use crate::experiment::floors::net_columns;
 use crate::experiment::plan::Plan;
 use crate::experiment::{CellRef, CellResult, Outcome};
 
@@ -14,10 +15,17 @@ const AFTER: [&str; 8] =
 ///
 /// Columns: `cell` (index from 0), `run` (identity), one for each axis, `repeat` (from 0), `status` (`done`, `cached`,
 /// `failed`, `interrupted`, `not reached`), `reason`, the last wave's `samples_per_pixel`, `render_s`, `wall_s`,
-/// `mpaths_per_s` and `invalid_samples`, then one for each metric by its column name. What was not measured is empty;
-/// an axis or metric whose name is taken already is called `axis.<name>` or `metric.<name>`.
+/// `mpaths_per_s` and `invalid_samples`, then one for each metric by its column name, and at last, where the noise of a
+/// reference is known, `<column>_floor` (what the true picture would have) and `<column>_net` (the value without the
+/// reference's own error, where that can be taken off). What was not measured is empty; an axis or metric whose name is
+/// taken already is called `axis.<name>` or `metric.<name>`.
 pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
-    let mut text = csv_line(&header(plan));
+    let known = results.iter().fold(vec![None; plan.measure.metrics.len()], |known: Vec<Option<f64>>, result| {
+        known.iter().enumerate().map(|(i, k)| k.or(result.floors.get(i).copied().flatten())).collect()
+    });
+    let floored: Vec<usize> = (0..known.len()).filter(|i| known[*i].is_some()).collect();
+    let net: Vec<usize> = net_columns(plan, &known).into_iter().map(|(i, _)| i).collect();
+    let mut text = csv_line(&header(plan, &floored, &net));
     let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
     for (index, cell) in plan.cells.iter().enumerate() {
         let result = by_cell.get(&CellRef::Cell(index)).copied();
@@ -42,15 +50,19 @@ pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
                 fields.extend(times);
                 fields.push(row.invalid.to_string());
                 fields.extend((0..metrics).map(|m| row.metrics.get(m).copied().map(exact).unwrap_or_default()));
+                let floor = |m: &usize| result.and_then(|r| r.floors.get(*m).copied().flatten());
+                fields.extend(floored.iter().map(|m| floor(m).map(exact).unwrap_or_default()));
+                let own = |m: &usize| plan.measure.metrics[*m].net(*row.metrics.get(*m)?, floor(m)?);
+                fields.extend(net.iter().map(|m| own(m).map(exact).unwrap_or_default()));
             }
-            None => fields.resize(fields.len() + 5 + metrics, String::new()),
+            None => fields.resize(fields.len() + 5 + metrics + floored.len() + net.len(), String::new()),
         }
         text += &csv_line(&fields);
     }
     text
 }
 
-fn header(plan: &Plan) -> Vec<String> {
+fn header(plan: &Plan, floored: &[usize], net: &[usize]) -> Vec<String> {
     let mut header: Vec<String> = BEFORE.map(str::to_owned).to_vec();
     let taken = |name: &String| BEFORE.contains(&name.as_str()) || AFTER.contains(&name.as_str());
     header.extend(plan.axes.iter().map(|a| if taken(a) { format!("axis.{a}") } else { a.clone() }));
@@ -59,6 +71,12 @@ fn header(plan: &Plan) -> Vec<String> {
         let column = &metric.column;
         let name = if header.contains(column) { format!("metric.{column}") } else { column.clone() };
         header.push(name);
+    }
+    for (places, kind) in [(floored, "floor"), (net, "net")] {
+        for metric in places.iter().map(|i| &plan.measure.metrics[*i]) {
+            let name = format!("{}_{kind}", metric.column);
+            header.push(if header.contains(&name) { format!("{kind}.{name}") } else { name });
+        }
     }
     header
 }

@@ -4,6 +4,7 @@
 //! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
 
 pub mod cpu;
+pub mod halves;
 pub mod mock;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
@@ -107,6 +108,11 @@ pub trait Renderer: Send {
 
     /// The sums so far.
     fn film(&self) -> &Film;
+
+    /// The two independent halves of the film, where it is made of such and both have samples: see [`halves`].
+    fn halves(&self) -> Option<[Arc<Film>; 2]> {
+        None
+    }
 
     /// The films of the layers that the job asked for, in the order of [`LAYERS`](crate::film::layer::LAYERS); empty
     /// if it asked for none.

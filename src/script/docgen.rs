@@ -39,6 +39,7 @@ const HEAD: &str = "\
 ---@field samples integer samples per pixel so far
 ---@field render_s number seconds inside the renderer so far
 ---@field wall_s number seconds since the cell began
+---@field measure_s number seconds spent measuring
 ---@field paths integer camera paths so far
 ---@field rays integer rays so far
 ---@field invalid integer samples so far that were NaN or infinite

@@ -12,10 +12,11 @@ use super::error::ScriptError;
 use super::source::Place;
 use super::state::{Shared, missing_name};
 use super::{Script, strict};
-use crate::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
+use crate::experiment::spec::{AgreeRequest, HookError, Point, ReferenceRequest, ScriptHooks};
 use crate::experiment::{CellConfig, StopRule, WaveRow};
+use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::value::Value;
-use crate::value::schema::SchemaError;
+use crate::value::schema::{SchemaError, unknown_name};
 
 /// Makes reading an axis that does not exist, and changing a point, an error.
 ///
@@ -131,10 +132,29 @@ impl Script {
                     }
                 }
             }
-            Some(Reference::Render { from, stop, place }) => {
+            Some(Reference::Render { from, stop, agree, place }) => {
                 let config = self.reference_config(from.as_ref(), point)?;
                 let stop = stop.lower(&self.shared, &place)?;
-                Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop }))
+                let agree = match agree {
+                    None => None,
+                    Some(agree) if integrator(&agree.with).is_none() => {
+                        let known = INTEGRATORS.iter().map(|row| row.name);
+                        let mut error = unknown_name("reference.agree.with", &agree.with, "integrator", known);
+                        error.key = "with".to_owned();
+                        return Err(self.blame(&place, error));
+                    }
+                    Some(agree) => Some(Box::new(AgreeRequest {
+                        config: CellConfig {
+                            integrator: agree.with,
+                            params: BTreeMap::new(),
+                            films: Vec::new(),
+                            ..config.clone()
+                        },
+                        stop: agree.stop.unwrap_or_else(|| stop.clone()),
+                        rate: agree.rate,
+                    })),
+                };
+                Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree }))
             }
         }
     }
@@ -237,12 +257,13 @@ pub(super) fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
 }
 
 /// The numbers of a measurement that every predicate can read.
-fn row_numbers(row: &WaveRow) -> [(&'static str, f64); 7] {
+fn row_numbers(row: &WaveRow) -> [(&'static str, f64); 8] {
     [
         ("wave", row.wave as f64),
         ("samples", row.samples as f64),
         ("render_s", row.render_s),
         ("wall_s", row.wall_s),
+        ("measure_s", row.measure_s),
         ("paths", row.paths as f64),
         ("rays", row.rays as f64),
         ("invalid", row.invalid as f64),

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{FILMS, layout, rows, seal};
+use super::{FILMS, HALVES, NOISE, layout, rows, seal};
 use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
 use crate::film::Image;
@@ -61,6 +62,11 @@ impl Archive {
 }
 
 impl Archive {
+    fn read(&self, file: &Path) -> Result<Image, String> {
+        let bytes = fs::read(file).map_err(|e| format!("cannot be read: {e}"))?;
+        (self.decode)(&bytes)
+    }
+
     /// A finished run whose files are what they were when it was finished, if that is looked at.
     fn whole(&self, run: FinishedRun) -> Option<FinishedRun> {
         let Some(inspected) = &self.inspected else { return Some(run) };
@@ -109,9 +115,29 @@ impl History for Archive {
                 None => return Ok(None),
             },
         };
-        let fail = |problem: String| SinkError(format!("{}: {problem}{advice}", file.display()));
-        let bytes = fs::read(&file).map_err(|e| fail(format!("cannot be read: {e}")))?;
-        (self.decode)(&bytes).map(Some).map_err(fail)
+        self.read(&file).map(Some).map_err(|problem| SinkError(format!("{}: {problem}{advice}", file.display())))
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
+        let file = layout::reference_folder(&self.out, &wanted.id).join(NOISE);
+        if !file.is_file() {
+            return Ok(None);
+        }
+        self.read(&file).map(Some).map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
+        let folder = layout::reference_folder(&self.out, &wanted.id);
+        let known = read_json(&folder.join("ref.json")).filter(|done| done["run"].as_str() == Some(&wanted.id.0));
+        let samples = |done: &Json| Some([0, 1].map(|i: usize| done["halves"].get(i).and_then(Json::as_u64)));
+        let Some([Some(first), Some(second)]) = known.as_ref().and_then(samples) else { return Ok(None) };
+        let read = |name: &str| {
+            let file = folder.join(name);
+            self.read(&file).map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+        };
+        Ok(Some(HalfImages { means: [read(HALVES[0])?, read(HALVES[1])?], samples: [first, second] }))
     }
 }
 
@@ -136,7 +162,14 @@ fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[Str
         first_invalid: first_invalid.filter(|_| row.invalid > 0),
         ..row
     });
-    Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect() })
+    let floor = |column: &String| done["floors"].get(column).and_then(number);
+    let floors = if done["floors"].is_object() { columns.iter().map(floor).collect() } else { Vec::new() };
+    Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into() })
+}
+
+/// A number as Lumbre writes it into JSON, which has no infinities.
+fn number(json: &Json) -> Option<f64> {
+    json.as_f64().or_else(|| json.as_str()?.parse().ok())
 }
 
 /// The place of the first invalid sample as a `done.json` states it.

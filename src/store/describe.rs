@@ -33,12 +33,16 @@ pub fn plan_json(plan: &Plan) -> Json {
         },
         "stops": stops.into_iter().map(stop_json).collect::<Vec<_>>(),
         "cells": cells,
-        "references": plan.references.iter().map(|r| match &r.source {
-            ReferenceSource::Render { config, stop, .. } => {
-                json!({ "run": r.id.0, "kind": "render", "source": config_json(config), "stop": stop_json(stop) })
-            }
-            ReferenceSource::File(file) => {
-                json!({ "run": r.id.0, "kind": "file", "source": file.display().to_string() })
+        "references": plan.references.iter().map(|r| {
+            let agree = r.agree.map(|a| json!({ "with": plan.references[a.with].id.0, "false_discovery_rate": a.rate }));
+            match &r.source {
+                ReferenceSource::Render { config, stop, .. } => json!({
+                    "run": r.id.0, "kind": "render", "source": config_json(config), "stop": stop_json(stop),
+                    "agree": agree,
+                }),
+                ReferenceSource::File(file) => json!({
+                    "run": r.id.0, "kind": "file", "source": file.display().to_string(), "agree": agree,
+                }),
             }
         }).collect::<Vec<_>>(),
         "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason }))
@@ -102,8 +106,9 @@ pub fn cell_json(plan: &Plan, cell: CellRef) -> Json {
             let reference = &plan.references[i];
             out.insert("run".into(), reference.id.0.as_str().into());
             match &reference.source {
-                ReferenceSource::Render { config, seed, .. } => {
-                    out.insert("seed".into(), (*seed).into());
+                ReferenceSource::Render { config, seeds, stem, .. } => {
+                    out.insert("seeds".into(), seeds.to_vec().into());
+                    out.insert("stem".into(), stem.0.as_str().into());
                     out.insert("render".into(), config_json(config));
                 }
                 ReferenceSource::File(file) => {

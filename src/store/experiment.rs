@@ -15,6 +15,7 @@ use super::journal::Journal;
 use super::run::{RunWriter, pretty};
 use super::{Host, StoreError, cell_json, layout, plan_json, write};
 use crate::experiment::event::{FinishedRun, History, Save};
+use crate::experiment::floors::HalfImages;
 use crate::experiment::standing::{Checkpoint, Claim, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
@@ -120,6 +121,15 @@ impl Store {
         write::if_changed(&self.folder.join(name), bytes)
     }
 
+    /// Writes a further file into the folder of a reference that is there.
+    ///
+    /// # Errors
+    /// When it cannot be written; nothing new is then left under its name.
+    pub fn write_reference(&self, plan: &Plan, reference: usize, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        let folder = layout::reference_folder(&self.out, &plan.references[reference].id);
+        write::if_changed(&folder.join(name), bytes)
+    }
+
     /// Records the machine and the command in `env.json`.
     ///
     /// # Errors
@@ -144,6 +154,14 @@ impl History for Store {
 
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         self.archive.image(plan, reference)
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        self.archive.noise(plan, reference)
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        self.archive.halves(plan, reference)
     }
 
     fn claim(&self, plan: &Plan, cell: CellRef) -> Result<Claim, SinkError> {

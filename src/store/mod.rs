@@ -5,7 +5,7 @@
 //!   experiment.lua plan.json env.json journal.jsonl lock summary.csv figures/ tables/
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
 //!                                    films/*.{exr,png} done.json
-//! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png ref.json
+//! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png half-{a,b}.exr noise.exr ref.json
 //! out/index.sqlite      what finished runs say, a cache that is made anew from the folders
 //! ```
 //!
@@ -49,7 +49,7 @@ pub use failure::{FailureRecord, LOG_LINES};
 pub use follow::{Follower, Seen, Sight};
 pub use host::{Host, seconds_of, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
-pub use run::{FILMS, RunWriter};
+pub use run::{FILMS, HALVES, NOISE, RunWriter};
 pub use write::{atomic, probe};
 
 /// Why the store cannot do what it was asked.

@@ -1,6 +1,6 @@
 //! `metrics.csv`: one line for each wave, floats in the shortest form that reads back to the same bits.
 //!
-//! `wave,samples,render_s,wall_s,paths,rays,invalid` and then the plan's metric columns. Samples are per pixel,
+//! `wave,samples,render_s,wall_s,measure_s,paths,rays,invalid` and then the plan's metric columns. Samples are per pixel,
 //! `_s` are seconds, the rest are counts; everything is cumulative. `inf`, `-inf` and `NaN` are themselves.
 
 use std::fmt::Write;
@@ -8,7 +8,7 @@ use std::fmt::Write;
 use crate::experiment::WaveRow;
 
 /// The columns before the metrics.
-pub const FIXED: [&str; 7] = ["wave", "samples", "render_s", "wall_s", "paths", "rays", "invalid"];
+pub const FIXED: [&str; 8] = ["wave", "samples", "render_s", "wall_s", "measure_s", "paths", "rays", "invalid"];
 
 /// The header line, with its line end.
 pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
@@ -24,8 +24,8 @@ pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
 /// A row as a line, with its line end.
 pub fn line(row: &WaveRow) -> String {
     let mut line = format!(
-        "{},{},{:?},{:?},{},{},{}",
-        row.wave, row.samples, row.render_s, row.wall_s, row.paths, row.rays, row.invalid
+        "{},{},{:?},{:?},{:?},{},{},{}",
+        row.wave, row.samples, row.render_s, row.wall_s, row.measure_s, row.paths, row.rays, row.invalid
     );
     for value in &row.metrics {
         // Writing to a String cannot fail.
@@ -75,9 +75,10 @@ fn row(line: &str, width: usize) -> Result<WaveRow, String> {
         samples: count(1)?,
         render_s: number(2)?,
         wall_s: number(3)?,
-        paths: count(4)?,
-        rays: count(5)?,
-        invalid: count(6)?,
+        measure_s: number(4)?,
+        paths: count(5)?,
+        rays: count(6)?,
+        invalid: count(7)?,
         first_invalid: None,
         metrics: (FIXED.len()..width).map(number).collect::<Result<_, _>>()?,
     })
@@ -120,6 +121,7 @@ mod tests {
             samples: 1 << wave,
             render_s: 0.1 + wave as f64 / 3.0,
             wall_s: 1e-9,
+            measure_s: 0.25 * wave as f64,
             paths: u64::MAX,
             rays: 7,
             invalid: 0,
@@ -161,8 +163,8 @@ mod tests {
     #[test]
     fn what_is_no_row_is_named_by_its_line() {
         let good = header(["rmse"]) + &line(&sample_row(1, &[0.5]));
-        assert!(parse(&(good.clone() + "1,2,3\n")).unwrap_err().starts_with("line 3: expected 8 values"));
-        assert!(parse(&(good + "x,2,0.1,0.2,3,4,5,6\n")).unwrap_err().contains("`x` is no count (wave)"));
+        assert!(parse(&(good.clone() + "1,2,3\n")).unwrap_err().starts_with("line 3: expected 9 values"));
+        assert!(parse(&(good + "x,2,0.1,0.2,0.1,3,4,5,6\n")).unwrap_err().contains("`x` is no count (wave)"));
         assert!(parse("time,error\n1,2\n").unwrap_err().contains("line 1"));
     }
 }

@@ -12,6 +12,12 @@ use crate::experiment::WaveRow;
 /// The folder of a run's layers inside the run's own.
 pub const FILMS: &str = "films";
 
+/// The files of a reference's two independent halves.
+pub const HALVES: [&str; 2] = ["half-a.exr", "half-b.exr"];
+
+/// The file of a reference's standard error: the square root of the variance of each pixel's mean.
+pub const NOISE: &str = "noise.exr";
+
 /// Writes one run's files. Its last act is [`RunWriter::finish`]; without it the run counts as not done.
 #[derive(Debug)]
 pub struct RunWriter {

@@ -21,6 +21,9 @@ const UNSEALED: [&str; 8] = [
     checkpoint::SLOTS[1],
 ];
 
+/// How the files begin that tell of comparisons, which come after a reference is finished.
+const AGREE: &str = "agree-";
+
 /// Adds to the last file of a run what its folder holds, and the hash of it all.
 pub(super) fn seal(folder: &Path, done: &Json) -> io::Result<Json> {
     let mut sealed = done.as_object().cloned().unwrap_or_default();
@@ -43,7 +46,11 @@ fn names_in(folder: &Path, prefix: &str) -> io::Result<Vec<String>> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         let name = entry.file_name().to_string_lossy().into_owned();
-        if entry.file_type()?.is_file() && !UNSEALED.contains(&name.as_str()) && !write::is_temporary(&name) {
+        if entry.file_type()?.is_file()
+            && !UNSEALED.contains(&name.as_str())
+            && !name.starts_with(AGREE)
+            && !write::is_temporary(&name)
+        {
             names.push(format!("{prefix}{name}"));
         }
     }

@@ -81,14 +81,20 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         path: format!("depth={i}/rep=0"),
         identity: Value::Str((*id).to_owned()),
     };
-    let source = ReferenceSource::Render { config: config(), scene: scene(), seed: 99, stop: StopRule::Samples(64) };
+    let source = ReferenceSource::Render {
+        config: config(),
+        scene: scene(),
+        seeds: [98, 99],
+        stem: RunId("ee".into()),
+        stop: StopRule::Samples(64),
+    };
     Plan {
         name: name.into(),
         hash: hash.into(),
         seed: 1,
         axes: vec!["depth".into()],
         cells: ids.iter().enumerate().map(cell).collect(),
-        references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil }],
+        references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil, agree: None }],
         skipped: vec![],
         notes: vec![],
         warnings: vec![],

@@ -254,6 +254,7 @@ impl Sink for LineSink {
                 self.started(*cell, &open.device);
             }
             Event::Wave { cell, row, pow2, .. } => self.wave(*cell, row, *pow2),
+            Event::Floors { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
             Event::CellFinished { cell, outcome, rows, .. } => {
                 self.spoken.remove(cell);
                 self.finished(*cell, outcome, rows.last());

@@ -103,6 +103,8 @@ impl Model {
                 self.wave(*cell, row, *measure_s, at_s);
                 self.picture(*cell, image.clone());
             }
+            Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
+            Event::Halves { .. } | Event::Agreement { .. } => {}
             Event::CellFinished { cell, outcome, film: _, layers, rows } => {
                 self.finish(*cell, outcome, rows.last(), at_s);
                 self.layers(*cell, layers);
@@ -200,9 +202,9 @@ impl Model {
 
     /// The noise of a reference is known: no picture can be measured to be better than these values, in the order of the
     /// plan's metrics.
-    pub fn floor(&mut self, reference: usize, floors: Vec<Option<f64>>) {
+    pub fn floor(&mut self, reference: usize, floors: Arc<Vec<Option<f64>>>) {
         self.revision += 1;
-        self.floors.insert(reference, Arc::new(floors));
+        self.floors.insert(reference, floors);
     }
 
     /// What the noise of the current cell's reference leaves of a metric to be measured, where it is known.

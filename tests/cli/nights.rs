@@ -60,7 +60,7 @@ fn a_run_folder_describes_itself() {
 
     let csv = place.read(&format!("{folder}/metrics.csv"));
     let (header, rows) = csv.split_once('\n').unwrap();
-    assert!(header.starts_with("wave,samples,render_s,wall_s,paths,rays,invalid,"), "{header}");
+    assert!(header.starts_with("wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,"), "{header}");
     let last: Vec<&str> = rows.lines().last().unwrap().split(',').collect();
     assert_eq!(last[1], "16");
     let column = header.split(',').position(|c| c == "rmse").unwrap();
@@ -181,7 +181,7 @@ fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
     let output = std::process::Command::new("sh").args(["-c", &limited]).current_dir(place.path(".")).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");
-    assert!(said.contains("cannot write") && said.contains("ref.exr"), "{said}");
+    assert!(said.contains("cannot write") && said.contains("half-a.exr"), "{said}");
     let files = place.files("out");
     let half = |f: &&String| f.ends_with(".tmp") || f.ends_with(".exr") || f.ends_with("done.json");
     assert_eq!(files.iter().find(half), None);

@@ -114,8 +114,9 @@ fn stop_rules_are_checked_where_they_apply() {
     assert_eq!(refusal(&lab), "stop rule at depth = 3: `stop.any` is empty: it needs at least one rule");
     let rule = rmse.clone();
     lab.stop = Box::new(|_| Ok(StopRule::Samples(4)));
-    lab.reference =
-        Box::new(move |_| Ok(Some(ReferenceRequest::Render { config: Box::new(config()), stop: rule.clone() })));
+    lab.reference = Box::new(move |_| {
+        Ok(Some(ReferenceRequest::Render { config: Box::new(config()), stop: rule.clone(), agree: None }))
+    });
     assert_eq!(
         refusal(&lab),
         "stop rule of the reference at depth = 3: the stop rule compares `rmse`, which is not measured \
@@ -135,7 +136,7 @@ fn a_reference_has_the_size_of_its_cell_and_can_be_read() {
     lab.reference = Box::new(|_| {
         let mut config = config();
         config.resolution = Some([8, 5]);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop: StopRule::Samples(4) }))
+        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop: StopRule::Samples(4), agree: None }))
     });
     assert_eq!(refusal(&lab), "at the only point: the picture has 8x4 pixels but its reference 8x5");
     lab.reference = Box::new(|_| Ok(Some(ReferenceRequest::File("no/such/truth.exr".into()))));

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::floors::HalfImages;
 use lumbre::experiment::plan::{LoadedScene, expand};
 use lumbre::experiment::run::{Open, Seams, run_with};
 use lumbre::experiment::spec::{Axis, CellConfig, HookError, Measure, ReferenceRequest, Snapshots};
@@ -99,7 +100,11 @@ impl Lab {
         let again = std::rc::Rc::clone(&render);
         self.render = Box::new(move |p| render(p));
         self.reference = Box::new(move |p| {
-            Ok(Some(ReferenceRequest::Render { config: Box::new(again(p)?), stop: StopRule::Samples(4096) }))
+            Ok(Some(ReferenceRequest::Render {
+                config: Box::new(again(p)?),
+                stop: StopRule::Samples(4096),
+                agree: None,
+            }))
         });
         self
     }
@@ -282,6 +287,9 @@ pub fn words(event: &Event) -> String {
             format!("{how} {}", name(cell))
         }
         Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
+        Event::Floors { reference, .. } => format!("floors r{reference}"),
+        Event::Agreement { reference, with, .. } => format!("compared r{reference} r{with}"),
+        Event::Halves { reference, .. } => format!("halves r{reference}"),
         Event::NightFinished => "morning".into(),
     }
 }
@@ -291,6 +299,8 @@ pub fn words(event: &Event) -> String {
 pub struct Memory {
     pub done: BTreeMap<RunId, FinishedRun>,
     pub images: BTreeMap<RunId, Result<Image, String>>,
+    pub halves: BTreeMap<RunId, Result<HalfImages, String>>,
+    pub noise: BTreeMap<RunId, Image>,
 }
 
 impl History for Memory {
@@ -301,6 +311,15 @@ impl History for Memory {
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         let image = self.images.get(plan.id(CellRef::Reference(reference)));
         image.cloned().transpose().map_err(SinkError)
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        Ok(self.noise.get(plan.id(CellRef::Reference(reference))).cloned())
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        let halves = self.halves.get(plan.id(CellRef::Reference(reference)));
+        halves.cloned().transpose().map_err(SinkError)
     }
 }
 

@@ -41,7 +41,7 @@ impl Parts {
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         lab.reference = Box::new(move |_| {
             let config = Box::new(reference_config.clone());
-            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone() }))
+            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone(), agree: None }))
         });
         lab.plan()
     }
@@ -197,12 +197,26 @@ fn a_reference_does_not_know_who_asks_for_it() {
     let changes: &[(&str, Change)] = &[
         ("its depth", |p| p.reference_config.max_depth = Some(6)),
         ("its stop", |p| p.reference_stop = StopRule::Samples(99)),
-        ("the seed", |p| p.lab.spec.seed = 2),
         ("its predicate", |p| p.reference_stop = StopRule::Predicate(0)),
     ];
     for (name, change) in changes {
         assert_ne!(ids(*change).1, unchanged, "{name}");
     }
+    // Experiments with other seeds share references.
+    assert_eq!(ids(|p| p.lab.spec.seed = 2).1, unchanged);
+}
+
+#[test]
+fn references_that_differ_only_in_their_end_have_one_stem() {
+    let stem = |change: Change| {
+        let mut parts = Parts::new();
+        change(&mut parts);
+        let ReferenceSource::Render { stem, .. } = parts.plan().references.remove(0).source else { panic!("a file") };
+        stem
+    };
+    let unchanged = stem(|_| {});
+    assert_eq!(stem(|p| p.reference_stop = StopRule::Samples(99)), unchanged);
+    assert_ne!(stem(|p| p.reference_config.max_depth = Some(6)), unchanged);
 }
 
 #[test]
@@ -210,8 +224,8 @@ fn a_reference_is_never_the_run_it_measures() {
     let mut parts = Parts::new();
     parts.stop = StopRule::Samples(4096);
     let plan = parts.plan();
-    let ReferenceSource::Render { seed, .. } = &plan.references[0].source else { panic!("not rendered") };
-    assert_ne!(plan.cells[0].seed, *seed);
+    let ReferenceSource::Render { seeds, .. } = &plan.references[0].source else { panic!("not rendered") };
+    assert!(!seeds.contains(&plan.cells[0].seed));
     assert_ne!(plan.cells[0].id, plan.references[0].id);
 }
 

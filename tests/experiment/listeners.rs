@@ -134,9 +134,9 @@ fn invalid_samples_are_counted_and_told_once_with_their_place() {
 #[test]
 fn a_failed_reference_fails_its_cells_with_its_reason() {
     let lab = three().measured();
-    let reference_seed = lumbre::experiment::plan::identity::reference_seed(1);
+    let reference_seeds = lumbre::experiment::plan::identity::reference_seeds();
     let open: Open<'_> = &move |_, scene, job| {
-        let limit = if job.seed == reference_seed && job.max_depth == 2 { 100 } else { 1 << 20 };
+        let limit = if reference_seeds.contains(&job.seed) && job.max_depth == 2 { 100 } else { 1 << 20 };
         Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
     };
     let (summary, heard) = Night { open, ..Night::default() }.record(&lab);

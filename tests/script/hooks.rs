@@ -88,7 +88,7 @@ end }";
     let text = edited(TABLE, table).replace(REFERENCE, from);
     let folder = Folder::new(text);
     let script = folder.load().unwrap();
-    let Some(ReferenceRequest::Render { config, stop }) = script.reference(&point(3)).unwrap() else {
+    let Some(ReferenceRequest::Render { config, stop, .. }) = script.reference(&point(3)).unwrap() else {
         panic!("a rendered reference")
     };
     assert_eq!(stop, StopRule::Samples(64));

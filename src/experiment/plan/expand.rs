@@ -6,8 +6,8 @@ use std::sync::Arc;
 use super::axes::{self, Overrides, describe};
 use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
-use super::{Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity};
-use crate::experiment::spec::{CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
+use super::{Agree, Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity};
+use crate::experiment::spec::{AgreeRequest, CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
 use crate::experiment::stop::StopRule;
 use crate::value::Value;
 
@@ -121,12 +121,27 @@ impl<'a> Builder<'a> {
             None => return Ok(None),
             Some(ReferenceRequest::File(file)) => {
                 let (id, identity) = self.resolver.reference_file(&file, point)?;
-                Reference { id, source: ReferenceSource::File(file), identity }
+                Reference { id, source: ReferenceSource::File(file), identity, agree: None }
             }
-            Some(ReferenceRequest::Render { config, stop }) => self.rendered_reference(*config, stop, cell, point)?,
+            Some(ReferenceRequest::Render { config, stop, agree }) => {
+                let seeds = identity::reference_seeds();
+                let reference = self.rendered_reference(*config, stop, seeds, cell, point)?;
+                let place = self.place(reference);
+                if let Some(AgreeRequest { config, stop, rate }) = agree.map(|agree| *agree) {
+                    let second = self.rendered_reference(config, stop, identity::second_seeds(), cell, point)?;
+                    let with = self.place(second);
+                    self.references[place].agree = Some(Agree { with, rate });
+                }
+                return Ok(Some(place));
+            }
         };
+        Ok(Some(self.place(reference)))
+    }
+
+    /// The place of a reference in the plan, in which each stands once.
+    fn place(&mut self, reference: Reference) -> usize {
         if let Some(place) = self.reference_places.get(&reference.id) {
-            return Ok(Some(*place));
+            return *place;
         }
         let place = self.references.len();
         if let ReferenceSource::Render { stop, .. } = &reference.source {
@@ -134,13 +149,14 @@ impl<'a> Builder<'a> {
         }
         self.reference_places.insert(reference.id.clone(), place);
         self.references.push(reference);
-        Ok(Some(place))
+        place
     }
 
     fn rendered_reference(
         &mut self,
         config: CellConfig,
         stop: StopRule,
+        seeds: [u64; 2],
         cell: &Renderable,
         point: &Point,
     ) -> Result<Reference, PlanError> {
@@ -157,11 +173,12 @@ impl<'a> Builder<'a> {
             point: describe(point),
             error: Box::new(error),
         })?;
-        let seed = identity::reference_seed(self.spec.seed);
         let end = identity::reference_stop(&stop, &self.spec.script_hash);
-        let identity = Value::Map(identity::run(picture, seed, end));
-        let source = ReferenceSource::Render { config, scene, seed, stop };
-        Ok(Reference { id: identity::run_id(&identity), source, identity })
+        let stem = identity::stem(picture, seeds);
+        let stem_id = identity::run_id(&Value::Map(stem.clone()));
+        let identity = identity::reference(stem, end);
+        let source = ReferenceSource::Render { config, scene, seeds, stem: stem_id, stop };
+        Ok(Reference { id: identity::run_id(&identity), source, identity, agree: None })
     }
 
     fn add_cells(&mut self, point: Point, renderable: Renderable, reference: Option<usize>, stop: StopRule) {

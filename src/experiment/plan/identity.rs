@@ -30,9 +30,16 @@ pub fn cell_seed(experiment: u64, repeat: u32) -> u64 {
     derive("lumbre 1 seed of a cell", experiment, repeat) & !REFERENCE_BIT
 }
 
-/// The seed of every reference.
-pub fn reference_seed(experiment: u64) -> u64 {
-    derive("lumbre 1 seed of a reference", experiment, 0) | REFERENCE_BIT
+/// The seeds of the two halves of every reference. They are the same in every experiment, so that experiments with
+/// other seeds can share a reference; no cell of any of them has either.
+pub fn reference_seeds() -> [u64; 2] {
+    [0, 1].map(|half| derive("lumbre 1 seed of a reference", 0, half) | REFERENCE_BIT)
+}
+
+/// The seeds of the two halves of every picture that a reference is compared with: those of neither a cell nor a
+/// reference, because a comparison takes both for independent.
+pub fn second_seeds() -> [u64; 2] {
+    [2, 3].map(|half| derive("lumbre 1 seed of a reference", 0, half) | REFERENCE_BIT)
 }
 
 fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
@@ -82,11 +89,28 @@ pub(super) fn picture(
     fields.into_iter().chain(films).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// A picture with its seed and end: the identity of a rendered reference.
+/// A picture with its seed and end.
 pub(super) fn run(mut picture: BTreeMap<String, Value>, seed: u64, stop: Value) -> BTreeMap<String, Value> {
-    picture.insert("seed".to_owned(), Value::Str(format!("{seed:016x}")));
+    picture.insert("seed".to_owned(), seed_value(seed));
     picture.insert("stop".to_owned(), stop);
     picture
+}
+
+/// The stem of a rendered reference: a picture with the seeds of its halves. References with one stem differ only in
+/// when they end, so that one can be the beginning of another.
+pub(super) fn stem(mut picture: BTreeMap<String, Value>, seeds: [u64; 2]) -> BTreeMap<String, Value> {
+    picture.insert("halves".to_owned(), Value::List(seeds.map(seed_value).into()));
+    picture
+}
+
+/// A stem with its end: the identity of a rendered reference.
+pub(super) fn reference(mut stem: BTreeMap<String, Value>, stop: Value) -> Value {
+    stem.insert("stop".to_owned(), stop);
+    Value::Map(stem)
+}
+
+fn seed_value(seed: u64) -> Value {
+    Value::Str(format!("{seed:016x}"))
 }
 
 /// A run with its measurements: the identity of a cell.
@@ -207,11 +231,12 @@ mod tests {
     #[test]
     fn no_two_repeats_share_a_seed_and_no_reference_shares_one_with_a_cell() {
         let mut seeds = BTreeSet::new();
+        for seed in reference_seeds().into_iter().chain(second_seeds()) {
+            assert!(seeds.insert(seed) && seed >= REFERENCE_BIT);
+        }
         for experiment in [0, 1, 20_260_427, u64::MAX] {
-            assert!(seeds.insert(reference_seed(experiment)));
             assert!((0..1000).all(|repeat| seeds.insert(cell_seed(experiment, repeat))));
             assert!((0..1000).all(|repeat| cell_seed(experiment, repeat) < REFERENCE_BIT));
-            assert!(reference_seed(experiment) >= REFERENCE_BIT);
         }
     }
 

@@ -11,6 +11,7 @@ mod expand;
 pub mod identity;
 mod order;
 mod path;
+mod reach;
 mod resolve;
 
 use std::sync::Arc;
@@ -19,6 +20,7 @@ pub use axes::{MAX_CELLS, Overrides};
 pub use error::PlanError;
 pub use estimate::Estimate;
 pub use expand::expand;
+pub use reach::unreachable;
 pub use resolve::{LoadScene, LoadedScene};
 
 use super::event::CellRef;
@@ -71,6 +73,17 @@ pub struct Reference {
     pub source: ReferenceSource,
     /// The canonical form whose hash is `id`.
     pub identity: crate::value::Value,
+    /// What it is compared with.
+    pub agree: Option<Agree>,
+}
+
+/// The comparison of a reference with the same picture by a second technique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agree {
+    /// Index of the second picture into [`Plan::references`]; no cell is measured against it.
+    pub with: usize,
+    /// Of the blocks that are called different, the share that may be so by chance.
+    pub rate: f64,
 }
 
 /// Where a reference comes from.
@@ -82,8 +95,10 @@ pub enum ReferenceSource {
         config: Arc<CellConfig>,
         /// The scene, with the changes made.
         scene: Arc<SceneDesc>,
-        /// Seed; never one of a cell's.
-        seed: u64,
+        /// The seeds of its two independent halves; never one of a cell's.
+        seeds: [u64; 2],
+        /// What it shares with references that differ only in when they end: one can be the beginning of another.
+        stem: RunId,
         /// When it is good enough.
         stop: StopRule,
     },

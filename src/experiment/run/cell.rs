@@ -10,11 +10,13 @@ use super::checkpoint::Kept;
 use super::night::Night;
 use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::floors::Floors;
 use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
+use crate::render::halves::Halves;
 use crate::render::{Job, Renderer, WaveStats};
 use crate::scene::{CompiledScene, SceneDesc, compile};
 use crate::transport::integrator::integrator;
@@ -29,7 +31,8 @@ pub(super) struct Work<'a> {
     pub(super) cell: CellRef,
     pub(super) config: &'a CellConfig,
     pub(super) scene: &'a Arc<SceneDesc>,
-    pub(super) seed: u64,
+    /// One, or those of two halves.
+    pub(super) seeds: &'a [u64],
     pub(super) stop: &'a StopRule,
     pub(super) reference: Option<SharedImage>,
     /// A size other than the configuration's.
@@ -42,15 +45,26 @@ pub(super) struct Ended {
     pub(super) film: Option<Arc<Film>>,
     pub(super) layers: Arc<Vec<LayerImage>>,
     pub(super) rows: Vec<WaveRow>,
+    /// Where it is a reference that is done.
+    pub(super) halves: Option<[Arc<Film>; 2]>,
+    /// The noise floors of what it was measured against.
+    pub(super) floors: Floors,
 }
 
 impl Ended {
     pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), film: None, layers: Arc::default(), rows }
+        Ended { outcome: Outcome::Cached(folder), rows, ..Ended::failed(String::new()) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
-        Ended { outcome: Outcome::Failed(reason), film: None, layers: Arc::default(), rows: Vec::new() }
+        Ended {
+            outcome: Outcome::Failed(reason),
+            film: None,
+            layers: Arc::default(),
+            rows: Vec::new(),
+            halves: None,
+            floors: Floors::default(),
+        }
     }
 }
 
@@ -100,7 +114,8 @@ impl Night<'_, '_> {
         // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
-        Ended { outcome, film, layers, rows: progress.standing.rows }
+        let halves = finished.and_then(|r| r.halves());
+        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
     }
 
     fn render(&mut self, work: &Work<'_>, progress: &mut Progress, anew: bool) -> Result<Next, String> {
@@ -161,7 +176,9 @@ impl Night<'_, '_> {
             let image = Arc::new(renderer.film().mean());
             let metrics = self.measure(&image, work.reference.as_deref())?;
             let measure_s = measuring.elapsed().as_secs_f64();
-            let row = WaveRow { wall_s: wall_s(), metrics, ..progress.standing.close_wave() };
+            let before_s = progress.standing.rows.last().map_or(0.0, |row| row.measure_s);
+            let measured_s = before_s + measure_s;
+            let row = WaveRow { wall_s: wall_s(), measure_s: measured_s, metrics, ..progress.standing.close_wave() };
             let pow2 = row.samples.is_power_of_two();
             progress.standing.rows.push(row.clone());
             self.emit(&Event::Wave { cell: work.cell, row, measure_s, image, pow2 })?;
@@ -225,10 +242,19 @@ impl Night<'_, '_> {
             filter: config.filter,
             layers: config.films.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
-            seed: work.seed,
+            seed: 0,
             threads: self.options.threads,
         };
-        guard("opening the backend", || (self.seams.open)(&config.backend, scene, job))?.map_err(|e| e.to_string())
+        let open = |seed: u64| {
+            let job = Job { seed, ..job.clone() };
+            guard("opening the backend", || (self.seams.open)(&config.backend, Arc::clone(&scene), job))?
+                .map_err(|e| e.to_string())
+        };
+        match work.seeds {
+            [seed] => open(*seed),
+            [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
+            _ => Err("a run has one seed, or those of two halves".to_owned()),
+        }
     }
 
     /// The metrics of a picture in the order of the plan's columns; none without a reference.

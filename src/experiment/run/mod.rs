@@ -10,8 +10,10 @@
 //! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
 //! is missing) is recorded with the reason, and the night goes on.
 
+mod agreement;
 mod cell;
 mod checkpoint;
+mod floors;
 mod night;
 mod smoke;
 mod waves;
@@ -21,6 +23,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
+use super::floors::Floors;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
 use crate::render::{Job, RenderError, Renderer, backend};
@@ -35,6 +38,8 @@ pub struct CellResult {
     pub outcome: Outcome,
     /// Its measurements, oldest first.
     pub rows: Arc<Vec<WaveRow>>,
+    /// The noise floors of what it was measured against, in the order of the plan's columns; empty if not known.
+    pub floors: Floors,
 }
 
 /// How the night ended.
@@ -44,6 +49,19 @@ pub struct NightSummary {
     pub results: Vec<CellResult>,
     /// Whether the user or a signal ended it before all was done. A cell that was given up alone does not count.
     pub interrupted: bool,
+    /// The references that a second technique contradicts, in the order of the plan.
+    pub disagreements: Vec<Disagreement>,
+}
+
+/// A reference that a second technique contradicts.
+#[derive(Clone, Debug)]
+pub struct Disagreement {
+    /// Index of the reference into [`Plan::references`].
+    pub reference: usize,
+    /// Index of the second picture.
+    pub with: usize,
+    /// What was found, in a sentence.
+    pub found: String,
 }
 
 /// Why a night as a whole failed.

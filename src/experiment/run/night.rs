@@ -1,12 +1,14 @@
 //! From the first event to the last: references, cells, and what becomes of them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::SystemTime;
 
+use super::agreement::Compared;
 use super::cell::{Ended, Work};
 use super::{CellResult, NightSummary, Options, RunError, Seams};
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
+use crate::experiment::floors::{Floors, HalfImages};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
 use crate::experiment::standing::Claim;
@@ -45,11 +47,15 @@ pub(super) struct Night<'a, 's> {
     truths: Vec<Truth>,
     /// The reference that was used last: neighbouring cells mostly share it.
     recent: Option<(usize, SharedImage)>,
+    /// The references that wait for the other side of a comparison.
+    pub(super) compared: BTreeMap<usize, Compared>,
+    /// The noise floors of the references as far as they are known.
+    pub(super) floors: Vec<Option<Floors>>,
     /// The scene that was compiled last, and what it was compiled from.
     pub(super) compiled: Option<(Arc<SceneDesc>, Arc<CompiledScene>)>,
     /// What compiling has had to say, each once a night.
     pub(super) told: BTreeSet<Note>,
-    summary: NightSummary,
+    pub(super) summary: NightSummary,
 }
 
 impl<'a, 's> Night<'a, 's> {
@@ -72,6 +78,8 @@ impl<'a, 's> Night<'a, 's> {
             sinks,
             truths: plan.references.iter().map(|_| Truth::Ahead).collect(),
             recent: None,
+            compared: BTreeMap::new(),
+            floors: vec![None; plan.references.len()],
             compiled: None,
             told: BTreeSet::new(),
             summary: NightSummary::default(),
@@ -113,8 +121,9 @@ impl<'a, 's> Night<'a, 's> {
             Some(_) => {
                 let mut seen = BTreeSet::new();
                 let with_reference = plan.coarse_to_fine().into_iter().flat_map(|i| {
-                    let reference = plan.cells[i].reference.map(CellRef::Reference);
-                    [reference, Some(CellRef::Cell(i))]
+                    let reference = plan.cells[i].reference;
+                    let second = reference.and_then(|r| plan.references[r].agree).map(|agree| agree.with);
+                    [reference.map(CellRef::Reference), second.map(CellRef::Reference), Some(CellRef::Cell(i))]
                 });
                 with_reference.flatten().filter(|cell| seen.insert(*cell)).collect()
             }
@@ -216,10 +225,13 @@ impl<'a, 's> Night<'a, 's> {
                 let outcome = self.finish(cell, ended);
                 self.truths[place] = if let Outcome::Cached(_) = outcome { Truth::Recorded } else { lost(&outcome) };
             }
-            ReferenceSource::Render { config, scene, seed, stop } => {
-                let work = Work { cell, config, scene, seed: *seed, stop, reference: None, resolution: None };
+            ReferenceSource::Render { config, scene, seeds, stop, .. } => {
+                let work = Work { cell, config, scene, seeds, stop, reference: None, resolution: None };
                 match self.rendered_reference(place, &work) {
-                    Ok(truth) => self.truths[place] = truth,
+                    Ok(truth) => {
+                        self.truths[place] = truth;
+                        self.compare(place);
+                    }
                     Err(whose) => return Look::Elsewhere(whose),
                 }
             }
@@ -262,8 +274,21 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     fn new_reference(&mut self, place: usize, work: &Work<'_>) -> Truth {
-        let ended = self.perform(work);
+        let mut ended = self.perform(work);
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
+        if let Some(film) = &ended.film {
+            self.remember(place, film);
+        }
+        if let (Some(halves), Some(image)) = (ended.halves.take(), &image) {
+            let images = HalfImages {
+                means: [halves[0].mean(), halves[1].mean()],
+                samples: [halves[0].samples, halves[1].samples],
+            };
+            let told = self.emit(&Event::Halves { reference: place, halves });
+            if let Err(reason) = told.and_then(|()| self.learn_floors(place, image, &images)) {
+                return lost(&self.finish(work.cell, Ended::failed(reason)));
+            }
+        }
         let outcome = self.finish(work.cell, ended);
         match (outcome, image) {
             (Outcome::Done(_), Some(image)) => {
@@ -276,6 +301,11 @@ impl<'a, 's> Night<'a, 's> {
             }
             (outcome, _) => lost(&outcome),
         }
+    }
+
+    /// Whether a reference is there.
+    pub(super) fn is_ready(&self, place: usize) -> bool {
+        matches!(self.truths[place], Truth::Recorded | Truth::Held(_))
     }
 
     /// A reference that an earlier night finished, if its picture can be read.
@@ -292,7 +322,7 @@ impl<'a, 's> Night<'a, 's> {
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
         if let Some(run) = self.history.done(plan, cell) {
-            self.finish(cell, Ended::cached(run.folder, run.rows));
+            self.finish(cell, Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) });
             return Look::Ended;
         }
         if let Some(reference) = it.reference
@@ -314,18 +344,18 @@ impl<'a, 's> Night<'a, 's> {
         }
         // Between the look and the claim, another process may have finished it.
         let ended = match self.history.done(plan, cell) {
-            Some(run) => Ended::cached(run.folder, run.rows),
+            Some(run) => Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) },
             None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
                 Err(reason) => Ended::failed(reason),
-                Ok(reference) => self.perform(&Work {
-                    cell,
-                    config: &it.config,
-                    scene: &it.scene,
-                    seed: it.seed,
-                    stop: &it.stop,
-                    reference,
-                    resolution: None,
-                }),
+                Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
+                    Err(reason) => Ended::failed(reason),
+                    Ok(floors) => {
+                        let (config, scene, stop) = (&it.config, &it.scene, &it.stop);
+                        let seeds = &[it.seed];
+                        let work = Work { cell, config, scene, seeds, stop, reference, resolution: None };
+                        Ended { floors, ..self.perform(&work) }
+                    }
+                },
             },
         };
         self.finish(cell, ended);
@@ -357,7 +387,7 @@ impl<'a, 's> Night<'a, 's> {
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
     fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, layers, rows } = ended;
+        let Ended { mut outcome, film, layers, rows, floors, halves: _ } = ended;
         if let Outcome::Done(_) = outcome
             && !self.history.holds(self.plan, cell)
         {
@@ -377,7 +407,7 @@ impl<'a, 's> Night<'a, 's> {
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
         }
-        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows });
+        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors });
         outcome
     }
 }

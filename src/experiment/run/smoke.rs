@@ -65,14 +65,14 @@ impl Night<'_, '_> {
                 (&it.config, &it.scene, it.seed, &it.stop)
             }
             CellRef::Reference(i) => match &plan.references[i].source {
-                ReferenceSource::Render { config, scene, seed, stop } => (config, scene, *seed, stop),
+                ReferenceSource::Render { config, scene, seeds, stop, .. } => (config, scene, seeds[0], stop),
                 ReferenceSource::File(_) => return Ok(()),
             },
         };
         let [width, height] = config.resolution.unwrap_or(scene.resolution);
         let shrink = width.max(height).div_ceil(SIDE).max(1);
         let resolution = Some([width.div_ceil(shrink), height.div_ceil(shrink)]);
-        let work = Work { cell, config, scene, seed, stop, reference: None, resolution };
+        let work = Work { cell, config, scene, seeds: &[seed], stop, reference: None, resolution };
         let scene = self.compiled(&work)?;
         let mut renderer = Some(self.open(&work, scene)?);
         advance(&mut renderer, 1)?;

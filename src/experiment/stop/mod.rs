@@ -77,6 +77,16 @@ pub enum StopRule {
 }
 
 impl StopRule {
+    /// Shows the rule and every part of it, parts after what they are part of.
+    pub fn visit<'a>(&'a self, see: &mut dyn FnMut(&'a StopRule)) {
+        see(self);
+        match self {
+            StopRule::Any(parts) | StopRule::All(parts) => parts.iter().for_each(|part| part.visit(see)),
+            StopRule::Not(part) => part.visit(see),
+            _ => {}
+        }
+    }
+
     /// Whether the rule holds after the measurements `rows` (oldest first), and if so, why, in words.
     ///
     /// The answer depends on the rows alone, so a run that is read back from disk is judged like a live one. A metric

@@ -9,6 +9,7 @@ mod filters;
 
 use std::collections::BTreeMap;
 
+use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::tonemap::srgb_light;
 use super::{Better, MetricRow, MetricSpec, ON};
@@ -40,6 +41,7 @@ pub const ROW: MetricRow = MetricRow {
     smallest: |_| 1,
     eval: |image, reference, spec| mean(&ldr(image, reference, spec)),
     map: Some(PixelMap { eval: ldr, colours: Colours::Magma, top: Some(1.0) }),
+    noise: Noise::Bounds,
     settle: None,
 };
 
@@ -91,6 +93,7 @@ pub const HDR_ROW: MetricRow = MetricRow {
     smallest: |_| 1,
     eval: |image, reference, spec| mean(&hdr(image, reference, spec)),
     map: Some(PixelMap { eval: hdr, colours: Colours::Magma, top: Some(1.0) }),
+    noise: Noise::Bounds,
     settle: Some(|reference, spec| {
         let Exposures { start, stop, count } = exposures(reference, spec);
         BTreeMap::from([

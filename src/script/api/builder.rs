@@ -3,6 +3,7 @@
 use mlua::Function;
 
 use super::stop::RuleObject;
+use crate::experiment::StopRule;
 use crate::experiment::spec::{Axis, FigureSpec, Measure, NightSpec, TableSpec};
 use crate::script::source::Place;
 
@@ -55,6 +56,8 @@ pub enum Reference {
         from: Option<Function>,
         /// When it is good enough.
         stop: RuleObject,
+        /// What it is compared with.
+        agree: Option<Agree>,
         /// Where.
         place: Place,
     },
@@ -70,6 +73,17 @@ pub enum Reference {
         /// Says which.
         file: Function,
     },
+}
+
+/// What `agree` in `x:reference(..)` said.
+#[derive(Clone, Debug)]
+pub struct Agree {
+    /// The second integrator.
+    pub with: String,
+    /// When its picture is good enough; `None` is when the reference is.
+    pub stop: Option<StopRule>,
+    /// The share of false discoveries.
+    pub rate: f64,
 }
 
 /// What `x:stop(..)` said.

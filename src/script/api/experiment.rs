@@ -1,12 +1,14 @@
 //! `experiment(..)` and the methods that say what is rendered, against what, and until when.
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
-use super::builder::{Builder, Head, Reference, Stop};
+use super::builder::{Agree, Builder, Head, Reference, Stop};
 use super::stop::{Allowed, rule_of};
 use super::{ApiFn, Args, Param, axis, kind, measure, report};
+use crate::experiment::StopRule;
 use crate::experiment::spec::Deadline;
 use crate::script::error::ScriptError;
 use crate::script::source::Place;
@@ -40,6 +42,42 @@ pub const EXPERIMENT: Table = Table {
     ],
 };
 
+/// The option `agree` of `x:reference`.
+pub const AGREE: Table = Table {
+    name: "Agree",
+    doc: "A second technique that has to mean the same picture as the reference. Disagreement is an alarm with a map.",
+    fields: &[
+        Field {
+            key: "with",
+            ty: Ty::Str,
+            required: true,
+            default: "",
+            doc: "its integrator; everything else is as in the reference, but for parameters of the integrator",
+        },
+        Field {
+            key: "time",
+            ty: Ty::Duration,
+            required: false,
+            default: "as the reference's stop says",
+            doc: "its render time",
+        },
+        Field {
+            key: "samples",
+            ty: Ty::Int { min: 2, max: 1 << 53 },
+            required: false,
+            default: "as the reference's stop says",
+            doc: "its samples per pixel",
+        },
+        Field {
+            key: "rate",
+            ty: Ty::Num { min: 1e-9, max: 0.5 },
+            required: false,
+            default: "0.01",
+            doc: "of the blocks that are called different, the share that may be so by chance; where nothing differs, the probability of an alarm",
+        },
+    ],
+};
+
 /// The options of `x:reference`.
 pub const REFERENCE: Table = Table {
     name: "Reference",
@@ -58,6 +96,13 @@ pub const REFERENCE: Table = Table {
             required: false,
             default: "",
             doc: "when the reference is good enough; needed unless `image` is given",
+        },
+        Field {
+            key: "agree",
+            ty: Ty::Table(&AGREE),
+            required: false,
+            default: "no comparison",
+            doc: "a second technique that the reference is compared with, block by block",
         },
         Field {
             key: "image",
@@ -261,6 +306,18 @@ fn stop(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErr
     Ok(LuaValue::Nil)
 }
 
+fn agree_of(map: &BTreeMap<String, Value>) -> Agree {
+    let mut stops = Vec::new();
+    stops.extend(map.get("time").and_then(duration_s).map(StopRule::Time));
+    stops.extend(map.get("samples").and_then(Value::as_i64).map(|n| StopRule::Samples(n.unsigned_abs())));
+    let stop = if stops.len() > 1 { Some(StopRule::Any(stops)) } else { stops.pop() };
+    Agree {
+        with: map.get("with").and_then(Value::as_str).unwrap_or_default().to_owned(),
+        stop,
+        rate: map.get("rate").and_then(Value::as_f64).unwrap_or(0.01),
+    }
+}
+
 fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let table = args.table(shared, 0, "options")?;
@@ -274,6 +331,9 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
     let (from, rule, image) = (fields.objects.get("from"), fields.objects.get("stop"), fields.objects.get("image"));
     let said = match (image, rule) {
         (Some(_), Some(_)) => return fail("stop", "an image is finished; it has no `stop`".to_owned(), None),
+        (Some(_), None) if fields.values.contains_key("agree") => {
+            return fail("agree", "an image comes without its noise, so it cannot be compared".to_owned(), None);
+        }
         (Some(_), None) if from.is_some() => {
             return fail("from", "an image is finished; it has no `from`".to_owned(), None);
         }
@@ -299,7 +359,8 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
                     return fail("from", format!("expected a function, found {}", kind(other)), Some(help));
                 }
             };
-            Reference::Render { from, stop, place: args.place.clone() }
+            let agree = fields.values.get("agree").and_then(Value::as_map).map(agree_of);
+            Reference::Render { from, stop, agree, place: args.place.clone() }
         }
     };
     let mut builder = shared.builder.borrow_mut();

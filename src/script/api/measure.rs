@@ -25,7 +25,19 @@ const MIN_EVERY_S: f64 = 0.01;
 
 /// Names that other columns of the same files have.
 const RESERVED: &[&str] = &[
-    "wave", "samples", "render_s", "wall_s", "paths", "rays", "invalid", "mpaths_s", "cell", "rep", "outcome", "stop",
+    "wave",
+    "samples",
+    "render_s",
+    "wall_s",
+    "measure_s",
+    "paths",
+    "rays",
+    "invalid",
+    "mpaths_s",
+    "cell",
+    "rep",
+    "outcome",
+    "stop",
 ];
 
 /// `keep` in `x:measure`.

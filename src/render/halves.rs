@@ -1,0 +1,165 @@
+//! A reference is rendered twice, with two seeds and half of the samples each: what both agree on is the picture, and
+//! what they differ by says how far to trust it.
+//!
+//! The halves are two seeds rather than the even and the odd samples of one, because samples of one seed need not be
+//! independent: those of `sobol` keep out of each other's way, so that halves of them would differ by more than the
+//! noise of the whole.
+
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use super::{OpenStats, RenderError, Renderer, WaveStats};
+use crate::film::Film;
+use crate::film::layer::LayerFilm;
+use crate::film::state::{Misfit, write_words};
+
+/// Two runs of one job with different seeds, seen as one run whose samples are dealt out evenly; the first half gets
+/// the odd one. Both are open at once, so a scene's hierarchy is in memory twice while its reference is rendered.
+pub struct Halves {
+    parts: [Box<dyn Renderer>; 2],
+    joint: Film,
+    open_stats: OpenStats,
+}
+
+impl Halves {
+    /// Joins two runs that have equally many samples, or of which the first has one more.
+    pub fn new(parts: [Box<dyn Renderer>; 2]) -> Halves {
+        let [first, second] = [0, 1].map(|i: usize| parts[i].open_stats());
+        let open_stats = OpenStats { accel_build_s: first.accel_build_s + second.accel_build_s, ..first.clone() };
+        let joint = Film::pooled(parts[0].film(), parts[1].film());
+        Halves { parts, joint, open_stats }
+    }
+
+    /// How many of `total` samples each half has.
+    pub fn split(total: u64) -> [u64; 2] {
+        [total - total / 2, total / 2]
+    }
+}
+
+impl Renderer for Halves {
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        let wanted = Halves::split(self.joint.samples + samples);
+        let mut wave = WaveStats::default();
+        for (part, wanted) in self.parts.iter_mut().zip(wanted) {
+            let missing = wanted - part.film().samples;
+            if missing == 0 {
+                continue;
+            }
+            let stats = part.advance(missing)?;
+            wave.samples += stats.samples;
+            wave.render_s += stats.render_s;
+            wave.paths += stats.paths;
+            wave.rays += stats.rays;
+            wave.invalid += stats.invalid;
+            wave.first_invalid = wave.first_invalid.or(stats.first_invalid);
+        }
+        self.joint = Film::pooled(self.parts[0].film(), self.parts[1].film());
+        Ok(wave)
+    }
+
+    fn film(&self) -> &Film {
+        &self.joint
+    }
+
+    fn halves(&self) -> Option<[Arc<Film>; 2]> {
+        let [first, second] = [0, 1].map(|i: usize| self.parts[i].film());
+        (second.samples > 0).then(|| [first, second].map(|film| Arc::new(film.clone())))
+    }
+
+    fn layers(&self) -> &[LayerFilm] {
+        self.parts[0].layers()
+    }
+
+    fn layer(&self, index: usize) -> Option<Film> {
+        let [first, second] = [0, 1].map(|i: usize| self.parts[i].layer(index));
+        Some(Film::pooled(&first?, &second?))
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        // Both or nothing, so what one half writes is held until the other has written too.
+        let mut states = [Vec::new(), Vec::new()];
+        for (part, state) in self.parts.iter().zip(&mut states) {
+            if !part.save(state)? {
+                return Ok(false);
+            }
+        }
+        for state in &states {
+            write_words(to, [state.len() as u64])?;
+            to.write_all(state)?;
+        }
+        Ok(true)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        let misfit = || RenderError::Failed { backend: "halves", reason: Misfit.to_string() };
+        let mut rest = state;
+        for part in &mut self.parts {
+            let (length, after) = rest.split_first_chunk().ok_or_else(misfit)?;
+            let length = usize::try_from(u64::from_ne_bytes(*length)).map_err(|_| misfit())?;
+            let (own, after) = after.split_at_checked(length).ok_or_else(misfit)?;
+            part.restore(own)?;
+            rest = after;
+        }
+        let counts = [0, 1].map(|i: usize| self.parts[i].film().samples);
+        if !rest.is_empty() || counts != Halves::split(counts[0] + counts[1]) {
+            return Err(misfit());
+        }
+        self.joint = Film::pooled(self.parts[0].film(), self.parts[1].film());
+        Ok(())
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        &self.open_stats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run whose samples are all its own number.
+    struct Constant {
+        film: Film,
+        value: f64,
+        open_stats: OpenStats,
+    }
+
+    impl Renderer for Constant {
+        fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+            self.film.samples += samples;
+            self.film.sum[0] = [self.value * self.film.samples as f64; 3];
+            self.film.sum2[0] = [self.value * self.value * self.film.samples as f64; 3];
+            let first_invalid = Some([self.value as u64, 0, 0]);
+            Ok(WaveStats { samples, render_s: 0.5, paths: samples, rays: 3, invalid: 1, first_invalid })
+        }
+
+        fn film(&self) -> &Film {
+            &self.film
+        }
+
+        fn open_stats(&self) -> &OpenStats {
+            &self.open_stats
+        }
+    }
+
+    fn run(value: f64) -> Box<dyn Renderer> {
+        let open_stats = OpenStats { accel_build_s: value, accel_nodes: 7, device: "constant".into() };
+        Box::new(Constant { film: Film::new(1, 1), value, open_stats })
+    }
+
+    #[test]
+    fn samples_are_dealt_out_evenly_whatever_the_waves() {
+        let mut halves = Halves::new([run(1.0), run(3.0)]);
+        assert_eq!(halves.open_stats().accel_build_s, 4.0);
+        let wave = halves.advance(1).unwrap();
+        assert_eq!((wave.samples, wave.render_s, wave.invalid), (1, 0.5, 1));
+        assert!(halves.halves().is_none(), "one half alone says nothing");
+        let counts = |halves: &Halves| halves.halves().unwrap().map(|film| film.samples);
+        let wave = halves.advance(4).unwrap();
+        assert_eq!((wave.samples, wave.paths, wave.rays, wave.first_invalid), (4, 4, 6, Some([1, 0, 0])));
+        assert_eq!((counts(&halves), halves.film().samples), ([3, 2], 5));
+        halves.advance(1).unwrap();
+        assert_eq!(counts(&halves), [3, 3]);
+        assert_eq!(halves.film().mean().at(0, 0), [2.0; 3]);
+    }
+}

@@ -1,0 +1,122 @@
+//! References on disk: their halves, what is known of their noise, and who shares them.
+
+use super::workplace::Workplace;
+
+/// The reference folder of a place, of which there has to be one.
+fn reference(place: &Workplace) -> String {
+    let found: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/ref.json")).collect();
+    let [one] = found.as_slice() else { panic!("{found:?}") };
+    one.trim_end_matches("/ref.json").to_owned()
+}
+
+fn column(csv: &str, name: &str) -> Vec<f64> {
+    let at = csv.lines().next().unwrap().split(',').position(|c| c == name).unwrap_or_else(|| panic!("{name}: {csv}"));
+    csv.lines().skip(1).map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "depth=4", "-q"]);
+    let folder = reference(&place);
+    let json = place.json(&format!("{folder}/ref.json"));
+    assert_eq!(json["halves"], serde_json::json!([2048, 2048]));
+    let image = |name: &str| {
+        let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
+        lumbre::output::exr::decode(&bytes).unwrap().0
+    };
+    let (whole, a, b, noise) = (image("ref"), image("half-a"), image("half-b"), image("noise"));
+    for i in 0..whole.data.len() {
+        assert!((whole.data[i][0] - 0.5 * (a.data[i][0] + b.data[i][0])).abs() < 1e-6);
+        // The mock's standard error is a tenth of the truth over the root of the samples.
+        assert!((noise.data[i][1] / (whole.data[i][1] * 0.1 / 64.0) - 1.0).abs() < 0.02);
+    }
+    let (done, _) = place.finished().remove(0);
+    let metrics = place.read(&done.replace("done.json", "metrics.csv"));
+    let done = place.json(&done);
+    let floor = done["floors"]["rmse"].as_f64().unwrap();
+    let (gross, net) = (column(&metrics, "rmse"), column(&metrics, "rmse_net"));
+    for (gross, net) in gross.iter().zip(&net) {
+        assert!((gross * gross - net * net - floor * floor).abs() < 1e-12, "{gross} {net} {floor}");
+    }
+    assert_eq!(done["net"]["rmse_net"].as_f64(), net.last().copied());
+    assert!(done["net"]["psnr_net"].as_f64().unwrap() > done["metrics"]["psnr"].as_f64().unwrap());
+    let summary = place.read("out/latest/summary.csv");
+    assert_eq!(column(&summary, "rmse_floor"), [floor; 2]);
+    assert!(column(&summary, "rmse_net").iter().zip(column(&summary, "rmse")).all(|(net, gross)| *net < gross));
+    // A second night reads it all back.
+    place.succeed(&["run", "night.lua", "depth=4", "-q"]);
+    let again = place.read("out/latest/summary.csv");
+    let numbers = |text: &str| ["rmse_floor", "rmse_net", "psnr_floor"].map(|c| column(text, c));
+    assert_eq!(numbers(&again), numbers(&summary));
+}
+
+#[test]
+fn experiments_with_other_names_and_seeds_share_a_reference() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "depth=4", "-q"]);
+    let script = place.read("night.lua").replace("\"night\", { seed = 7", "\"day\", { seed = 8");
+    place.write("day.lua", &script);
+    let said = place.succeed(&["run", "day.lua", "depth=4"]).stderr;
+    assert!(said.contains("2 done, 1 cached"), "{said}");
+    reference(&place);
+}
+
+#[test]
+fn a_threshold_below_the_floor_is_said_at_the_night_and_in_the_plan() {
+    let place = Workplace::new();
+    let stop = "stop.any { stop.when('rmse', '<', 1e-5), stop.samples(16) }";
+    let script = place.read("night.lua").replace("stop.samples(16)", stop);
+    place.write("night.lua", &script);
+    let said = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
+    assert!(!said.contains("true picture"), "nothing is known yet: {said}");
+    let expected = "2 cells wait for `rmse < 0.00001`, but even the true picture has 0.000";
+    let said = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
+    assert!(said.contains(expected), "{said}");
+    let said = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
+    assert!(said.contains(&format!("warning: {expected}")), "{said}");
+    let json: serde_json::Value =
+        serde_json::from_str(&place.succeed(&["plan", "night.lua", "depth=4", "--json"]).stdout).unwrap();
+    assert_eq!(json["out_of_reach"].as_array().unwrap().len(), 1);
+}
+
+/// A point light over a ball: `bpt`, which only hits lights, cannot find it.
+const POINT: &str = r#"{
+    "resolution": [48, 32],
+    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
+    "materials": [{ "name": "grey", "color": [0.5, 0.5, 0.5] }, { "name": "lamp", "emission": [2, 2, 2] }],
+    "entities": [
+        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
+        { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
+    ],
+    "lights": [{ "type": "point", "position": [2, 2, 3], "intensity": [3, 3, 3] }]
+}"#;
+
+#[test]
+fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() {
+    let place = Workplace::new();
+    place.write("ball.scn", POINT);
+    let script = place
+        .read("night.lua")
+        .replace("resolution = { 24, 16 }, backend = \"mock\"", "resolution = { 48, 32 }, backend = \"cpu\"")
+        .replace(
+            "integrator = \"bpt\" } end, stop = stop.samples(4096)",
+            "integrator = \"nee\" } end, \
+                  stop = stop.samples(64), agree = { with = \"bdpt\" }",
+        );
+    place.write("night.lua", &script);
+    let said = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
+    assert!(said.contains("agrees with `bdpt`"), "{said}");
+    place.write("night.lua", &script.replace("bdpt", "bpt"));
+    for _ in 0..2 {
+        let said = place.fail(6, &["run", "night.lua", "depth=4", "-q"]);
+        assert!(said.contains("alarm: reference ") && said.contains("DISAGREES with `bpt`"), "{said}");
+    }
+    let maps: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/agree-bpt.png")).collect();
+    assert_eq!(maps.len(), 1, "{maps:?}");
+    let json = place.json(&maps[0].replace(".png", ".json"));
+    assert_eq!((json["agrees"].as_bool(), json["technique"].as_str()), (Some(false), Some("bpt")));
+    assert!(!json["differing"].as_array().unwrap().is_empty());
+    place.write("night.lua", &script.replace("bdpt", "bdtp"));
+    assert!(place.fail(2, &["plan", "night.lua"]).contains("did you mean `bdpt`"));
+}

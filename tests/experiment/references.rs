@@ -1,0 +1,209 @@
+//! References that know their error: halves, floors, and what they put out of reach.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use lumbre::experiment::event::{FinishedRun, Level};
+use lumbre::experiment::floors::{HalfImages, floors};
+use lumbre::experiment::spec::{AgreeRequest, CellConfig, ReferenceRequest};
+use lumbre::experiment::stop::Comparison;
+use lumbre::experiment::{CellRef, Event, StopRule};
+use lumbre::film::Image;
+use lumbre::metrics::MetricSpec;
+use lumbre::render::mock::{MockRenderer, RELATIVE_SIGMA};
+use lumbre::render::{Job, RenderError, Renderer};
+use lumbre::scene::CompiledScene;
+
+use crate::fixtures::{Lab, Night, Recorder, config, ints};
+
+const CELL: CellRef = CellRef::Cell(0);
+
+/// 64x48 pixels against a reference of so many samples.
+fn lab(reference: u64) -> Lab {
+    let mut lab = Lab::new().measured();
+    let picture = || {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        config
+    };
+    lab.render = Box::new(move |_| Ok(picture()));
+    lab.reference = Box::new(move |_| {
+        let stop = StopRule::Samples(reference);
+        Ok(Some(ReferenceRequest::Render { config: Box::new(picture()), stop, agree: None }))
+    });
+    lab
+}
+
+fn floors_told(heard: &Recorder) -> Vec<Vec<Option<f64>>> {
+    let told = |e: &Event| if let Event::Floors { floors, .. } = e { Some(floors.to_vec()) } else { None };
+    heard.events.iter().filter_map(told).collect()
+}
+
+#[test]
+fn a_reference_is_made_of_two_halves_and_its_floor_is_its_own_error() {
+    let (summary, heard) = Night::default().record(&lab(400));
+    let start = heard.words.iter().position(|w| w == "start c0").unwrap();
+    assert_eq!(heard.words[start - 3..start], ["halves r0", "floors r0", "done r0"]);
+    let halves = heard.events.iter().find_map(|e| match e {
+        Event::Halves { halves, .. } => Some(halves.clone()),
+        _ => None,
+    });
+    let halves = halves.unwrap();
+    assert_eq!(halves.each_ref().map(|h| h.samples), [200, 200]);
+    assert_ne!(halves[0].mean(), halves[1].mean());
+    let film = heard.film(CellRef::Reference(0)).unwrap();
+    assert_eq!(film.samples, 400);
+    // The mock's noise is a known part of the truth, of which the mean is a good picture.
+    let mean_square = film.mean().data.iter().flatten().map(|x| f64::from(*x).powi(2)).sum::<f64>() / 9216.0;
+    let expected = RELATIVE_SIGMA * (mean_square / 400.0).sqrt();
+    let told = floors_told(&heard);
+    let [floor] = told[0][..] else { panic!("{told:?}") };
+    // 9216 normal values: the square root of their mean square is within 3 % at four standard errors.
+    assert!((floor.unwrap() / expected - 1.0).abs() < 0.03, "{floor:?} {expected}");
+    assert_eq!((told.len(), summary.results[1].floors.to_vec()), (1, told[0].clone()));
+    assert!(summary.results[0].floors.is_empty());
+}
+
+#[test]
+fn a_reference_of_one_sample_has_no_halves_and_no_floor() {
+    let (summary, heard) = Night::default().record(&lab(1));
+    assert!(floors_told(&heard).is_empty() && summary.results[1].floors.is_empty());
+    assert!(!heard.words.contains(&"halves r0".to_owned()));
+}
+
+#[test]
+fn kept_halves_give_the_floors_once_and_broken_ones_a_warning() {
+    let lab = lab(64).axis("idle", ints([1, 2]));
+    let plan = lab.plan();
+    let id = plan.references[0].id.clone();
+    let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
+    let mut night = Night::default();
+    let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() };
+    night.history.done.insert(id.clone(), run);
+    night.history.images.insert(id.clone(), Ok(flat(0.5)));
+    let halves = HalfImages { means: [flat(0.4), flat(0.6)], samples: [32, 32] };
+    night.history.halves.insert(id.clone(), Ok(halves));
+    let (_, heard) = night.record(&lab);
+    let told = floors_told(&heard);
+    assert_eq!(told.len(), 1, "both cells share it");
+    assert!((told[0][0].unwrap() - 0.1).abs() < 1e-6);
+    night.history.halves.insert(id, Err("half-a.exr is cut off".into()));
+    let (summary, heard) = night.record(&lab);
+    assert!(floors_told(&heard).is_empty() && summary.results[1].floors.is_empty());
+    let warnings = heard.messages(Level::Warn);
+    assert!(warnings.iter().any(|w| w.contains("half-a.exr is cut off")), "{warnings:?}");
+}
+
+#[test]
+fn thresholds_below_the_floor_are_warned_of() {
+    let warnings = |op: Comparison, value: f64| {
+        let mut lab = lab(100).axis("idle", ints([1, 2]));
+        lab.stop = Box::new(move |_| {
+            let when = StopRule::When { column: "rmse".into(), op, value, hold: 1 };
+            let inner = StopRule::All(vec![when, StopRule::Waves(1)]);
+            Ok(StopRule::Any(vec![StopRule::Samples(4), inner]))
+        });
+        Night::default().record(&lab).1.messages(Level::Warn)
+    };
+    // The floor is near 0.1 * 0.5 / 10.
+    let found = warnings(Comparison::Less, 0.001);
+    assert_eq!(found.len(), 2, "the scene's note and this: {found:?}");
+    let said = found.iter().find(|w| w.contains("rmse")).unwrap();
+    assert!(said.starts_with("2 cells wait for `rmse < 0.001`, but even the true picture has 0.00"), "{said}");
+    assert!(warnings(Comparison::Less, 0.01).iter().all(|w| !w.contains("rmse")));
+    assert!(warnings(Comparison::Greater, 0.001).iter().all(|w| !w.contains("rmse")));
+}
+
+#[test]
+fn a_metric_that_cannot_be_computed_has_no_floor() {
+    let metrics = ["rmse", "ssim"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap());
+    let image = Image::from_fn(4, 4, |_, _| [0.5; 3]);
+    let halves = HalfImages { means: [image.clone(), image.clone()], samples: [1, 1] };
+    assert_eq!(floors(&metrics, &image, &halves), [Some(0.0), None]);
+}
+
+/// A lab whose references are compared with the same picture by `nee`.
+fn compared() -> Lab {
+    let mut lab = lab(256);
+    lab.reference = Box::new(|_| {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        let second = CellConfig { integrator: "nee".into(), ..config.clone() };
+        let agree = AgreeRequest { config: second, stop: StopRule::Samples(64), rate: 0.01 };
+        let stop = StopRule::Samples(256);
+        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree: Some(Box::new(agree)) }))
+    });
+    lab
+}
+
+/// `nee` finds other light than the rest: paths of six edges have more.
+fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    let max_depth = if job.integrator.name == "nee" { job.max_depth + 1 } else { job.max_depth };
+    Ok(Box::new(MockRenderer::new(scene, Job { max_depth, ..job })))
+}
+
+#[test]
+fn a_second_technique_agrees_with_its_own_noise_and_does_not_count_as_a_cells_reference() {
+    let lab = compared();
+    let plan = lab.plan();
+    assert_eq!(plan.references.len(), 2);
+    assert_eq!((plan.references[0].agree.unwrap().with, plan.references[1].agree), (1, None));
+    assert_eq!(plan.cells[0].reference, Some(0));
+    let (summary, heard) = Night::default().record(&lab);
+    assert!(summary.disagreements.is_empty());
+    let at = |word: &str| heard.words.iter().position(|w| w == word).unwrap_or_else(|| panic!("{word}"));
+    assert!(at("done r1") < at("compared r0 r1") && at("compared r0 r1") < at("start c0"));
+    let said = heard.messages(Level::Info);
+    assert!(said.iter().any(|w| w.starts_with("agrees with `nee`: none of ")), "{said:?}");
+}
+
+#[test]
+fn a_second_technique_that_contradicts_is_an_alarm_with_a_map() {
+    let (summary, heard) = Night { open: &biased, ..Night::default() }.record(&compared());
+    let [found] = summary.disagreements.as_slice() else { panic!("{:?}", summary.disagreements) };
+    assert_eq!((found.reference, found.with), (0, 1));
+    assert!(found.found.starts_with("DISAGREES with `nee`: "), "{}", found.found);
+    assert!(heard.messages(Level::Error).contains(&found.found));
+    let agreement = heard.events.iter().find_map(|e| match e {
+        Event::Agreement { found, .. } => Some(found.clone()),
+        _ => None,
+    });
+    let agreement = agreement.unwrap();
+    // 31/32 of the light against 63/64.
+    assert!((agreement.ratio / (62.0 / 63.0) - 1.0).abs() < 0.001, "{}", agreement.ratio);
+    assert!(agreement.map.values.iter().filter(|z| **z < -2.0).count() > 64 * 48 / 2);
+    // The night goes on: its cells are rendered.
+    assert!(heard.words.contains(&"done c0".to_owned()));
+}
+
+#[test]
+fn kept_pictures_are_compared_and_missing_noise_is_said() {
+    let lab = compared();
+    let plan = lab.plan();
+    let mut night = Night::default();
+    for (reference, light) in plan.references.iter().zip([0.5, 0.6]) {
+        let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() };
+        night.history.done.insert(reference.id.clone(), run);
+        let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
+        night.history.images.insert(reference.id.clone(), Ok(flat(light)));
+        night.history.noise.insert(reference.id.clone(), flat(0.02));
+    }
+    let (summary, _) = night.record(&lab);
+    assert_eq!(summary.disagreements.len(), 1);
+    night.history.noise.clear();
+    let (summary, heard) = night.record(&lab);
+    assert!(summary.disagreements.is_empty());
+    let said = heard.messages(Level::Warn);
+    assert!(
+        said.iter().any(|w| w.contains("cannot be compared with `nee`: the noise of `bpt` is not known")),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn time_spent_measuring_is_told_and_adds_up() {
+    let (_, heard) = Night::default().record(&lab(16));
+    let rows = heard.rows(CELL);
+    assert!(rows.iter().all(|row| row.measure_s > 0.0 && row.measure_s <= row.wall_s));
+    assert!(rows.windows(2).all(|pair| pair[1].measure_s > pair[0].measure_s));
+}
