@@ -15,5 +15,7 @@ mod intervention;
 mod listeners;
 #[path = "experiment/night.rs"]
 mod night;
+#[path = "experiment/survival.rs"]
+mod survival;
 #[path = "experiment/sweep.rs"]
 mod sweep;
