@@ -5,8 +5,12 @@ mod common;
 
 #[path = "cli/compare.rs"]
 mod compare;
+#[path = "cli/damage.rs"]
+mod damage;
 #[path = "cli/errors.rs"]
 mod errors;
+#[path = "cli/kill.rs"]
+mod kill;
 #[path = "cli/nights.rs"]
 mod nights;
 #[path = "cli/reading.rs"]
@@ -20,6 +24,8 @@ mod reproduce;
 mod references;
 #[path = "cli/signals.rs"]
 mod signals;
+#[path = "cli/survive.rs"]
+mod survive;
 #[path = "cli/verify.rs"]
 mod verify;
 #[path = "cli/workplace.rs"]

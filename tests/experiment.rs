@@ -17,5 +17,7 @@ mod listeners;
 mod night;
 #[path = "experiment/references.rs"]
 mod references;
+#[path = "experiment/survival.rs"]
+mod survival;
 #[path = "experiment/sweep.rs"]
 mod sweep;

@@ -359,6 +359,13 @@ pub struct VerifyArgs {
     /// Few samples and small pictures: seconds, and only large mistakes are found
     #[arg(long)]
     pub quick: bool,
+    /// Instead of all this, kill a small night this often at random instants, start it again, and compare all that it
+    /// leaves with what an undisturbed one leaves
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub kill: Option<u32>,
+    /// With --kill: processes that work on each night at once
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "kill", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub processes: u32,
     /// Seed of all random numbers; each seed repeats to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

@@ -20,7 +20,7 @@ pub fn parse(text: &str) -> Result<Deadline, String> {
 /// When the local clock never shows that time.
 pub fn moment(deadline: Deadline) -> Result<SystemTime, String> {
     match deadline {
-        Deadline::After { seconds } => Ok(SystemTime::now() + Duration::from_secs(seconds)),
+        Deadline::After { milliseconds } => Ok(SystemTime::now() + Duration::from_millis(milliseconds)),
         Deadline::Clock { minutes } => next(&Zoned::now(), minutes).map(|zoned| zoned.timestamp().into()),
     }
 }
@@ -55,8 +55,8 @@ mod tests {
     #[test]
     fn words_are_times_of_day_or_lengths() {
         assert_eq!(parse("08:00"), Ok(Deadline::Clock { minutes: 480 }));
-        assert_eq!(parse("7.5h"), Ok(Deadline::After { seconds: 27_000 }));
-        assert_eq!(parse("90min"), Ok(Deadline::After { seconds: 5400 }));
+        assert_eq!(parse("7.5h"), Ok(Deadline::After { milliseconds: 27_000_000 }));
+        assert_eq!(parse("90min"), Ok(Deadline::After { milliseconds: 5_400_000 }));
         for wrong in ["24:00", "8:60", "noon", "", "-1h", "08:00:00"] {
             assert!(parse(wrong).unwrap_err().contains("08:00"), "{wrong}");
         }

@@ -70,10 +70,10 @@ pub enum Deadline {
         /// Minutes after midnight.
         minutes: u16,
     },
-    /// So many seconds after it began.
+    /// So long after it began.
     After {
-        /// Seconds.
-        seconds: u64,
+        /// Milliseconds.
+        milliseconds: u64,
     },
 }
 
@@ -89,7 +89,9 @@ impl Deadline {
             let (hours, minutes): (u16, u16) = (hours.parse().ok()?, minutes.parse().ok()?);
             (hours < 24 && minutes < 60).then_some(Deadline::Clock { minutes: 60 * hours + minutes })
         };
-        let after = || duration_s(value).filter(|s| *s > 0.0).map(|s| Deadline::After { seconds: s.ceil() as u64 });
+        let after = || {
+            duration_s(value).filter(|s| *s > 0.0).map(|s| Deadline::After { milliseconds: (s * 1e3).ceil() as u64 })
+        };
         value.as_str().and_then(clock).or_else(after)
     }
 }

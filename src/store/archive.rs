@@ -22,8 +22,9 @@ pub type Decode = fn(&[u8]) -> Result<Image, String>;
 pub struct Archive {
     out: PathBuf,
     own: Option<PathBuf>,
-    /// What reading every byte of a finished run came to, by its folder; without it sizes are enough.
-    inspected: Option<RefCell<BTreeMap<PathBuf, bool>>>,
+    /// Whether a finished run was whole when every byte of it was read, by its folder and the hash in its last file;
+    /// without it sizes are enough.
+    inspected: Option<RefCell<BTreeMap<(PathBuf, String), bool>>>,
     decode: Decode,
     /// Folders of finished runs by experiment name and run id, filled when a name is first asked for.
     index: RefCell<BTreeMap<String, BTreeMap<String, PathBuf>>>,
@@ -70,19 +71,17 @@ impl Archive {
     /// A finished run whose files are what they were when it was finished, if that is looked at.
     fn whole(&self, run: FinishedRun) -> Option<FinishedRun> {
         let Some(inspected) = &self.inspected else { return Some(run) };
-        let known = inspected.borrow().get(&run.folder).copied();
+        let marker = ["done.json", "ref.json"].iter().find_map(|name| read_json(&run.folder.join(name)))?;
+        let key = (run.folder.clone(), marker["check"].as_str().unwrap_or_default().to_owned());
+        let known = inspected.borrow().get(&key).copied();
         let whole = known.unwrap_or_else(|| {
-            let marker = ["done.json", "ref.json"].iter().find_map(|name| read_json(&run.folder.join(name)));
-            let problem = seal::inspect(&run.folder, &marker.unwrap_or_default()).err();
+            let problem = seal::inspect(&run.folder, &marker).err();
             if let Some(problem) = &problem {
                 tracing::warn!("{}: {problem}; the run is rendered again", run.folder.display());
             }
             problem.is_none()
         });
-        if whole {
-            // What is found damaged is looked at again: it is about to be rendered.
-            inspected.borrow_mut().insert(run.folder.clone(), true);
-        }
+        inspected.borrow_mut().insert(key, whole);
         whole.then_some(run)
     }
 }

@@ -210,7 +210,8 @@ fn create(folder: &Path, path: &Path, text: &str) -> io::Result<Option<File>> {
     file.write_all(text.as_bytes())?;
     match file.persist_noclobber(path) {
         Ok(file) => Ok(Some(file)),
-        Err(e) if e.error.kind() == io::ErrorKind::AlreadyExists => Ok(None),
+        // The owner of the claim that came first may have swept this one's temporary file away.
+        Err(e) if matches!(e.error.kind(), io::ErrorKind::AlreadyExists | io::ErrorKind::NotFound) => Ok(None),
         Err(e) => Err(e.error),
     }
 }

@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 
 use super::archive::{Archive, Decode, read_json};
 use super::checkpoint::{self, Turn};
-use super::claim::Claims;
+use super::claim::{self, Claims};
 use super::failure::{self, FailureRecord};
 use super::journal::Journal;
 use super::run::{RunWriter, pretty};
@@ -64,7 +64,40 @@ impl Store {
         }
         let archive = Archive::for_experiment(out, &folder, decode);
         let turns = RefCell::default();
-        Ok(Store { folder, out: out.to_owned(), archive, journal, claims: Claims::new(), turns, _lock: lock })
+        let store = Store { folder, out: out.to_owned(), archive, journal, claims: Claims::new(), turns, _lock: lock };
+        store.mend(plan)?;
+        Ok(store)
+    }
+
+    /// Writes anew what says what the finished runs of the plan are, where that was damaged: it is known without them.
+    fn mend(&self, plan: &Plan) -> Result<(), StoreError> {
+        let cells = (0..plan.cells.len()).map(CellRef::Cell);
+        for cell in cells.chain((0..plan.references.len()).map(CellRef::Reference)) {
+            let folder = self.place(plan, cell);
+            let path = folder.join("config.json");
+            let Ok(found) = fs::read(&path) else { continue };
+            if folder.join("done.json").is_file() {
+                self.tidy(&folder);
+            }
+            let config = cell_json(plan, cell);
+            let known = serde_json::from_slice::<Json>(&found).unwrap_or_default();
+            // References belong to many experiments, whose names differ.
+            if known["identity"] != config["identity"] || known["run"] != config["run"] {
+                tracing::warn!("{} was damaged and is written anew", path.display());
+                write::atomic(&path, pretty(&config).as_bytes())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes what a process that died in the moment of finishing a run left beside its last file.
+    fn tidy(&self, folder: &Path) {
+        if folder.join(claim::FILE).exists() && matches!(self.claims.take(folder), Ok(Claim::Ours)) {
+            self.claims.release(folder);
+        }
+        if checkpoint::SLOTS.iter().any(|slot| folder.join(slot).exists()) {
+            checkpoint::remove(folder);
+        }
     }
 
     /// The experiment's folder.

@@ -27,6 +27,7 @@ impl Journal {
                 file.seek(SeekFrom::End(-1))?;
                 file.read_exact(&mut last)?;
                 if last != *b"\n" {
+                    tracing::warn!("{}: its last line was cut off and is passed over", path.display());
                     file.write_all(b"\n")?;
                 }
             }

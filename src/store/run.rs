@@ -43,11 +43,12 @@ impl RunWriter {
         Ok(writer)
     }
 
-    /// Makes the folder of a reference and writes `config.json`. Nothing is removed: another experiment may be
-    /// rendering the same reference at this moment, and what both write is the same.
+    /// Makes the folder of a reference and writes `config.json`. What is there stays until it is replaced: another
+    /// experiment may be reading it at this moment.
     pub(super) fn shared(folder: PathBuf, marker: &'static str, config: &Json) -> Result<RunWriter, StoreError> {
         fs::create_dir_all(&folder).map_err(|e| StoreError::io("create", &folder, &e))?;
-        write::sweep_old_temporaries(&folder);
+        // Whoever writes here has the run to itself.
+        write::sweep_temporaries(&folder);
         let writer = RunWriter { folder, marker, metrics: None, whole: 0, columns: 0 };
         writer.write("config.json", pretty(config).as_bytes())?;
         Ok(writer)

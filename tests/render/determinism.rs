@@ -53,3 +53,32 @@ fn another_seed_gives_another_picture() {
     let [c, d] = [13, 14].map(|seed| render(&scene, Job { sampler: SOBOL, ..job([16, 16], 5, seed) }, 4));
     assert!(c != d && c != a);
 }
+
+#[test]
+fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
+    let scene = scene();
+    let all = lumbre::film::layer::LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>();
+    for (name, layers) in [("bpt", vec![]), ("bdpt", vec![]), ("bdpt", all)] {
+        let integrator = lumbre::transport::integrator::integrator(name).unwrap();
+        let job = Job { integrator, layers, ..job([12, 10], 3, 15) };
+        let open = || CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
+        let mut whole = open();
+        whole.advance(6).unwrap();
+        for cut in [0, 1, 5] {
+            let (mut before, mut after) = (open(), open());
+            if cut > 0 {
+                before.advance(cut).unwrap();
+            }
+            let mut state = Vec::new();
+            assert!(before.save(&mut state).unwrap());
+            after.restore(&state).unwrap();
+            assert_eq!(after.film(), before.film(), "{name} after {cut}");
+            after.advance(6 - cut).unwrap();
+            assert_eq!(after.film(), whole.film(), "{name} after {cut}");
+            for film in 0..whole.layers().len() {
+                assert_eq!(after.layer(film), whole.layer(film), "{name} after {cut}, film {film}");
+            }
+            assert!(open().restore(&state[..state.len() - 8]).is_err());
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! `lumbre bench`: the program measuring itself. Figures, never pass or fail: machines are shared and noisy.
 
 mod backends;
+mod checkpoint;
 mod efficiency;
 mod metrics;
 mod night;
@@ -71,9 +72,13 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         let (plan, plan_s) = night::plan_10_000_cells()?;
         let start_up_s = start_up_s();
         let outside = night::share_outside_advance(first, threads)?;
+        let checkpoint_s = checkpoint::checkpoint_s(first, threads, repeats)?;
         text += &format!("\nstart-up (--version)                 {:>9.1} ms\n", start_up_s * 1e3);
         text += &format!("plan of 10,000 cells                 {plan_s:>9.3} s\n");
         text += &format!("time outside `advance`, 4 s cell     {:>9.2} %\n", outside * 100.0);
+        text += &format!("checkpoint of bdpt at 1280x720        {:>9.1} ms\n", checkpoint_s * 1e3);
+        text += &format!("  of the 60 s between two of them     {:>9.2} %\n", checkpoint_s / 60.0 * 100.0);
+        json["checkpoint_s"] = checkpoint_s.into();
         say("measuring what it costs to look at 10,000 cells");
         let scale = scale::Scale::measure(&plan)?;
         text += &scale.table();

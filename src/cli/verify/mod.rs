@@ -7,6 +7,7 @@
 mod agreement;
 mod analytic;
 mod density;
+mod kill;
 pub(super) mod picture;
 pub mod references;
 mod report;
@@ -106,8 +107,37 @@ const KINDS: &[Kind] = &[
     Kind { name: "reference", plan: references::plan },
 ];
 
+/// Kills nights and says what became of them.
+fn killed(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
+    let start = Instant::now();
+    let found = kill::check(kills, args.processes, args.seed, global.threads).map_err(Failure::internal)?;
+    let passed = found.problems.is_empty();
+    if args.json {
+        let json = serde_json::json!({
+            "kills": found.kills, "nights": found.nights, "processes": args.processes, "checkpoints": found.checkpoints,
+            "files": found.files, "problems": found.problems, "passed": passed, "seconds": start.elapsed().as_secs_f64(),
+        });
+        data(&format!("{json:#}\n"))?;
+    } else {
+        let kill::Killed { kills, nights, checkpoints, files, .. } = found;
+        let mut page = format!(
+            "{kills} kills in {nights} nights of {} processes, {checkpoints} of them with a checkpoint to go on from: \
+             {files} files of each night compared in {}, {}\n",
+            args.processes,
+            duration(start.elapsed().as_secs_f64()),
+            if passed { "all the same" } else { "NOT the same" },
+        );
+        page.extend(found.problems.iter().map(|problem| format!("  {problem}\n")));
+        data(&page)?;
+    }
+    Ok(if passed { Exit::Done } else { Exit::NotVerified })
+}
+
 /// Runs every check and says what it found.
 pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
+    if let Some(kills) = args.kill {
+        return killed(kills, args, global);
+    }
     let request = Request {
         quick: args.quick,
         seed: args.seed,

@@ -140,6 +140,7 @@ impl Night<'_, '_> {
         if resumed.goes_on {
             waves = waves.from(progress.standing.growth);
         }
+        let slice_s = plan.night.checkpoint_s.map_or(SLICE_S, |every_s| every_s.min(SLICE_S));
         loop {
             let standing = &mut progress.standing;
             if standing.between_waves() {
@@ -160,7 +161,7 @@ impl Night<'_, '_> {
                 if let Some(next) = self.obey(work.cell, &progress.standing)? {
                     return Ok(next);
                 }
-                let stats = advance(&mut progress.renderer, slice(&progress.standing))?;
+                let stats = advance(&mut progress.renderer, slice(&progress.standing, slice_s))?;
                 let first = stats.invalid > 0
                     && progress.standing.part.invalid == 0
                     && progress.standing.rows.iter().all(|row| row.invalid == 0);
@@ -317,10 +318,10 @@ fn panic_text(payload: &(dyn Any + Send)) -> &str {
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no reason given")
 }
 
-/// Samples of the next call of the renderer: the wave in progress, or as many of it as take about [`SLICE_S`].
-fn slice(standing: &Standing) -> u64 {
+/// Samples of the next call of the renderer: the wave in progress, or as many of it as take about `slice_s`.
+fn slice(standing: &Standing, slice_s: f64) -> u64 {
     let rate = standing.samples() as f64 / standing.render_s();
-    if rate.is_finite() { standing.left.min(((SLICE_S * rate) as u64).max(1)) } else { standing.left }
+    if rate.is_finite() { standing.left.min(((slice_s * rate) as u64).max(1)) } else { standing.left }
 }
 
 fn invalid_words(standing: &Standing) -> String {

@@ -209,8 +209,8 @@ fn description(plan: &Plan, rows: &BTreeMap<usize, &[WaveRow]>, cells: &[(usize,
     let mut text = format!("lumbre {}\nplan {} {}", env!("CARGO_PKG_VERSION"), plan.name, plan.hash);
     for (index, _) in cells {
         let cell = &plan.cells[*index];
-        let (samples, render_s) = rows[index].last().map_or((0, 0.0), |r| (r.samples, r.render_s));
-        text += &format!("\nrun {} {} seed={} samples={samples} render_s={render_s}", cell.id, cell.path, cell.seed);
+        let samples = rows[index].last().map_or(0, |r| r.samples);
+        text += &format!("\nrun {} {} seed={} samples={samples}", cell.id, cell.path, cell.seed);
     }
     text
 }

@@ -196,7 +196,7 @@ fn the_noise_of_the_reference_is_marked_in_the_chart() {
         screen((100, 30), model, &view)
     };
     assert!(!chart(&model, 0).contains("noise of the reference"));
-    model.floor(0, vec![Some(0.012), None, Some(1e9)]);
+    model.floor(0, Arc::new(vec![Some(0.012), None, Some(1e9)]));
     assert!(chart(&model, 0).contains("noise of the reference"));
     assert!(!chart(&model, 1).contains("noise of the reference"), "that metric has none");
     assert!(!chart(&model, 2).contains("noise of the reference"), "it lies far outside the chart");

@@ -1,0 +1,73 @@
+//! What a checkpoint costs.
+
+use std::time::Instant;
+
+use crate::experiment::event::History;
+use crate::experiment::plan::{Overrides, expand};
+use crate::experiment::standing::Standing;
+use crate::experiment::{CellRef, Plan};
+use crate::film::Image;
+use crate::math::stats::median;
+use crate::render::{Job, backend};
+use crate::scene::{compile, load};
+use crate::script;
+use crate::store::Store;
+use crate::transport::integrator::integrator;
+use crate::transport::sampler::sampler;
+
+/// Median seconds of writing a checkpoint of a 1280x720 cell of `bdpt`, which has splats, synced to disk.
+///
+/// # Errors
+/// When it cannot be rendered or written, with a message for people.
+pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> Result<f64, String> {
+    let scene = scene.canonicalize().map_err(|e| e.to_string())?;
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let plan = planned(&scene, folder.path())?;
+    let cell = &plan.cells[0];
+    let (compiled, _) = compile(&cell.scene).map_err(|e| e.to_string())?;
+    let config = &cell.config;
+    let job = Job {
+        integrator: integrator(&config.integrator).ok_or("no such integrator")?,
+        params: config.params.clone(),
+        resolution: config.resolution.unwrap_or(compiled.resolution),
+        max_depth: config.max_depth.unwrap_or(compiled.max_depth),
+        rr_start: config.rr_start,
+        filter: config.filter,
+        layers: Vec::new(),
+        sampler: sampler(&config.sampler).ok_or("no such sampler")?,
+        seed: cell.seed,
+        threads,
+    };
+    let row = backend("cpu").ok_or("no such backend")?;
+    let mut renderer = (row.open)(compiled.into(), job).map_err(|e| e.to_string())?;
+    renderer.advance(1).map_err(|e| e.to_string())?;
+    let store = Store::open(&folder.path().join("out"), &plan, no_picture).map_err(|e| e.to_string())?;
+    let mut seconds = Vec::new();
+    for _ in 0..repeats.max(1) {
+        let start = Instant::now();
+        store
+            .keep(&plan, CellRef::Cell(0), &Standing::default(), &|to| renderer.save(to))
+            .map_err(|e| e.to_string())?;
+        seconds.push(start.elapsed().as_secs_f64());
+    }
+    Ok(median(seconds.into_iter()))
+}
+
+fn planned(scene: &std::path::Path, folder: &std::path::Path) -> Result<Plan, String> {
+    let file = folder.join("bench.lua");
+    let text = format!(
+        "local x = experiment('bench', {{ seed = 1 }})\n\
+         x:render(function(p) return {{ scene = {:?}, integrator = 'bdpt', max_depth = 5,\n\
+           resolution = {{ 1280, 720 }}, backend = 'cpu' }} end)\n\
+         x:stop(stop.samples(1))\n\
+         return x\n",
+        scene.display().to_string()
+    );
+    std::fs::write(&file, text).map_err(|e| e.to_string())?;
+    let script = script::load(&file).map_err(|e| e.to_string())?;
+    expand(&script.spec, &script, &Overrides::default(), &mut |path, _| load::load(path)).map_err(|e| e.to_string())
+}
+
+fn no_picture(_: &[u8]) -> Result<Image, String> {
+    Err("no picture is read here".to_owned())
+}

@@ -1,0 +1,90 @@
+//! Files that were cut off or changed behind the program's back.
+
+use std::collections::BTreeMap;
+
+use super::workplace::Workplace;
+
+/// What must be the same after every repair: results without clocks, and what describes them.
+fn results(place: &Workplace) -> BTreeMap<String, Vec<u8>> {
+    let wanted = |file: &String| {
+        let name = file.rsplit('/').next().unwrap();
+        [".exr", ".png", ".md", ".svg", ".lua"].iter().any(|end| name.ends_with(end))
+            || ["plan.json", "config.json"].contains(&name)
+    };
+    let read = |file: String| (file.clone(), std::fs::read(place.path(&file)).unwrap());
+    place.files("out").into_iter().filter(wanted).map(read).collect()
+}
+
+/// One file of every kind that a night leaves.
+fn kinds(place: &Workplace) -> Vec<String> {
+    let mut seen = BTreeMap::new();
+    // `out/latest` is a link to a folder.
+    for file in place.files("out").into_iter().filter(|file| place.path(file).is_file()) {
+        let name = file.rsplit('/').next().unwrap();
+        let kind = (name.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned(), file.contains("/refs/"));
+        seen.entry(kind).or_insert_with(|| file.clone());
+    }
+    seen.into_values().collect()
+}
+
+#[test]
+fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "-q"]);
+    let before = results(&place);
+    let all = kinds(&place);
+    assert!(all.len() >= 18, "{all:?}");
+    for file in &all {
+        for cut in [true, false] {
+            let finished = place.finished();
+            let mut bytes = std::fs::read(place.path(file)).unwrap();
+            if bytes.is_empty() {
+                continue;
+            }
+            let middle = bytes.len() / 2;
+            if cut {
+                bytes.truncate(middle)
+            } else {
+                bytes[middle] ^= 4
+            }
+            std::fs::write(place.path(file), bytes).unwrap();
+            let how = if cut { "cut" } else { "changed" };
+            let night = place.run(&["run", "night.lua"]);
+            assert_eq!(night.status, 0, "{file} {how}: {}", night.stderr);
+            let after = results(&place);
+            let names = |map: &BTreeMap<String, Vec<u8>>| map.keys().cloned().collect::<Vec<_>>();
+            assert_eq!(names(&after), names(&before), "{file} {how}");
+            for (name, bytes) in &after {
+                assert!(*bytes == before[name], "{name} has other bytes after {file} was {how}: {}", night.stderr);
+            }
+            let again = place.finished().iter().filter(|run| !finished.contains(run)).count();
+            let folder = file.rsplit_once('/').unwrap().0;
+            let sealed = file.contains("/runs/") && !file.ends_with("config.json") && !file.ends_with("log.txt");
+            assert_eq!(again, usize::from(sealed), "{file} {how}: {}", night.stderr);
+            let said = night.stderr.lines().filter(|l| l.contains("damaged") || l.contains("cut off")).count();
+            if file.ends_with("/final.exr") && !cut {
+                assert_eq!(said, 1, "{folder}: {}", night.stderr);
+            }
+        }
+    }
+    assert!(place.succeed(&["run", "night.lua"]).stderr.contains("nothing to do"));
+}
+
+#[test]
+fn what_a_dead_process_left_is_no_obstacle() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "-q"]);
+    let before = results(&place);
+    let done = place.finished().remove(0).0;
+    let folder = done.trim_end_matches("/done.json");
+    std::fs::remove_file(place.path(&done)).unwrap();
+    for name in ["claim", "ckpt.a", "ckpt.b", "failed.json", ".lumbre-abc.tmp"] {
+        place.write(&format!("{folder}/{name}"), "left by a process that died");
+    }
+    place.write("out/latest/lock", "12345");
+    let night = place.succeed(&["run", "night.lua"]);
+    assert!(night.stderr.contains("ckpt.a is damaged"), "{}", night.stderr);
+    assert_eq!(results(&place), before);
+    let left = place.files(folder);
+    assert!(!left.iter().any(|f| f.contains("ckpt") || f.ends_with("claim") || f.ends_with("failed.json")), "{left:?}");
+}
