@@ -15,13 +15,13 @@ mod kill;
 mod nights;
 #[path = "cli/reading.rs"]
 mod reading;
+#[cfg(unix)]
+#[path = "cli/references.rs"]
+mod references;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/reproduce.rs"]
 mod reproduce;
-#[cfg(unix)]
-#[path = "cli/references.rs"]
-mod references;
 #[path = "cli/signals.rs"]
 mod signals;
 #[path = "cli/survive.rs"]

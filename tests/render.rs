@@ -36,6 +36,8 @@ mod determinism;
 mod film;
 #[path = "render/furnace.rs"]
 mod furnace;
+#[path = "render/instructions.rs"]
+mod instructions;
 #[path = "render/intersection.rs"]
 mod intersection;
 #[path = "render/layers.rs"]

@@ -391,6 +391,12 @@ pub struct BenchArgs {
     /// Height of the pictures with `--backend`
     #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub height: u32,
+    /// Measure rays through the hierarchy and nothing else
+    #[arg(long, conflicts_with = "mpaths")]
+    pub traversal: bool,
+    /// Measure the integrators and nothing else
+    #[arg(long)]
+    pub mpaths: bool,
     /// Repetitions of every measurement; medians are reported, and the spread of the rates
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,

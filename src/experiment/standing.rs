@@ -41,6 +41,7 @@ impl Standing {
         let part = &mut self.part;
         part.samples += stats.samples;
         part.render_s += stats.render_s;
+        part.device_s += stats.device_s;
         part.paths += stats.paths;
         part.rays += stats.rays;
         part.invalid += stats.invalid;

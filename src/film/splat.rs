@@ -3,9 +3,12 @@
 //! Light paths end on pixels other than the one whose sample traced them, so threads meet on the same pixel and their
 //! order is chance. Sums of floats would show that chance in their last bits; here every value becomes a whole number
 //! of fixed size first, and whole numbers add up the same in any order.
+//!
+//! Pixels lie in stripes with a lock each. A thread gathers its splats in a [`SplatBuffer`] and hands them over by
+//! stripe, so that a lock is taken once for many splats, and a stripe is in the cache while they are added.
 
 use std::io::{self, Write};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::state::{Misfit, Saved, write_words};
 
@@ -13,102 +16,92 @@ use super::state::{Misfit, Saved, write_words};
 pub const MAX_SPLAT: f32 = 4_294_967_296.0;
 
 /// One unit of a sum is 2^-64: steps of 5.4e-20, and room for 2^31 splats of the greatest value on one pixel.
-const SUM_SCALE: f64 = (1u128 << 64) as f64;
+const SUM_BITS: i32 = 64;
 
 /// One unit of a sum of squares is 2^-44, with room for 2^20 squares of the greatest splat. Squares below 5.7e-14, of
 /// splats below 2.4e-7, count as nothing in the sum of squares; the sum itself keeps them.
-const SQUARE_SCALE: f64 = (1u64 << 44) as f64;
+const SQUARE_BITS: i32 = 44;
 
-/// A 128-bit number to which threads add without a lock: the carry of the low word is added to the high one. Only the
-/// total after all have finished is meaningful.
-#[derive(Debug, Default)]
+/// Pixels of a stripe: 24 KiB of sums.
+const STRIPE: usize = 256;
+
+/// Splats that a [`SplatBuffer`] holds before it asks to be emptied: 1 MiB.
+const BUFFERED: usize = 1 << 16;
+
+/// Mantissa and exponent of a finite number's absolute value: `m 2^e`.
+#[inline]
+fn parts(v: f32) -> (u64, i32) {
+    let bits = v.to_bits();
+    let exponent = (bits >> 23 & 0xff) as i32;
+    let fraction = u64::from(bits & 0x7f_ffff);
+    if exponent == 0 { (fraction, -149) } else { (fraction | 1 << 23, exponent - 150) }
+}
+
+/// `m 2^e` without what is below one.
+#[inline]
+fn whole(m: u64, e: i32) -> u128 {
+    if e >= 0 {
+        u128::from(m) << e
+    } else if e > -64 {
+        u128::from(m >> -e)
+    } else {
+        0
+    }
+}
+
+/// A pixel's sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Wide {
-    low: AtomicU64,
-    high: AtomicU64,
+    /// Sums in units of `2^-SUM_BITS`.
+    sum: [i128; 3],
+    /// Sums of squares in units of `2^-SQUARE_BITS`.
+    square: [u128; 3],
 }
 
 impl Wide {
-    /// Adds `x` modulo 2^128, and returns whether that went past the end.
-    fn add(&self, x: u128) -> bool {
-        let low = x as u64;
-        let old = self.low.fetch_add(low, Relaxed);
-        let high = ((x >> 64) as u64).wrapping_add(u64::from(old.checked_add(low).is_none()));
-        high != 0 && self.high.fetch_add(high, Relaxed).checked_add(high).is_none()
-    }
-
-    fn of(words: [u64; 2]) -> Wide {
-        Wide { low: words[0].into(), high: words[1].into() }
-    }
-
-    fn words(&self) -> [u64; 2] {
-        [self.low.load(Relaxed), self.high.load(Relaxed)]
-    }
-
-    fn get(&self) -> u128 {
-        u128::from(self.high.load(Relaxed)) << 64 | u128::from(self.low.load(Relaxed))
-    }
-}
-
-/// Sums of splats, `[y][x][rgb]`.
-#[derive(Debug)]
-pub struct Splats {
-    sums: Vec<[Wide; 3]>,
-}
-
-impl Splats {
-    /// Sums of nothing for so many pixels, 48 bytes each.
-    pub fn new(pixels: usize) -> Splats {
-        Splats { sums: std::iter::repeat_with(Default::default).take(pixels).collect() }
-    }
-
-    /// Adds a splat to a pixel, from any thread. Returns whether it was taken: not finite, or beyond [`MAX_SPLAT`], it
-    /// is not.
-    #[must_use]
-    pub fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
-        let fits = value.iter().all(|v| v.abs() <= MAX_SPLAT);
-        if fits {
-            for (sum, v) in self.sums[pixel].iter().zip(value) {
-                // Exact but for what lies below one unit, which is cut off.
-                // Going past the end is how a negative number is added.
-                sum.add((f64::from(v) * SUM_SCALE) as i128 as u128);
-            }
-        }
-        fits
-    }
-
-    /// Adds the squares of a splat that [`Splats::add`] took, to sums that hold squares alone. Returns whether there was
-    /// room: if not, the variance of this pixel is worthless.
-    #[must_use]
-    pub fn add_square(&self, pixel: usize, value: [f32; 3]) -> bool {
+    /// Adds a splat, exactly but for what lies below one unit, which is cut off. Returns whether there was room for its
+    /// squares.
+    #[inline]
+    fn add(&mut self, value: [f32; 3]) -> bool {
         let mut room = true;
-        for (sum, v) in self.sums[pixel].iter().zip(value) {
-            let v = f64::from(v);
-            room &= !sum.add((v * v * SQUARE_SCALE) as u128);
+        for ((v, sum), square) in value.into_iter().zip(&mut self.sum).zip(&mut self.square) {
+            let (m, e) = parts(v);
+            let step = whole(m, e + SUM_BITS) as i128;
+            *sum = sum.wrapping_add(if v < 0.0 { -step } else { step });
+            let over;
+            (*square, over) = square.overflowing_add(whole(m * m, 2 * e + SQUARE_BITS));
+            room &= !over;
         }
         room
     }
 
-    fn save(&self, to: &mut dyn Write) -> io::Result<()> {
-        write_words(to, self.sums.iter().flatten().flat_map(Wide::words))
+    /// The sums in units, then those of squares, each as two words, the low one first.
+    fn words(&self) -> impl Iterator<Item = u64> {
+        let sums = self.sum.map(|s| s as u128).into_iter().chain(self.square);
+        sums.flat_map(|n| [n as u64, (n >> 64) as u64])
     }
 
-    fn restore(pixels: usize, from: &mut Saved<'_>) -> Result<Splats, Misfit> {
-        let mut splats = Splats::new(pixels);
-        for sum in splats.sums.iter_mut().flatten() {
-            *sum = Wide::of([from.word()?, from.word()?]);
-        }
-        Ok(splats)
+    fn of_words(from: &mut Saved<'_>) -> Result<Wide, Misfit> {
+        let mut next = || Ok(u128::from(from.word()?) | u128::from(from.word()?) << 64);
+        let mut three = || Ok([next()?, next()?, next()?]);
+        Ok(Wide { sum: three()?.map(|n| n as i128), square: three()? })
     }
 
-    /// The sum of a pixel.
-    pub fn sum(&self, pixel: usize) -> [f64; 3] {
-        [0, 1, 2].map(|c| self.sums[pixel][c].get() as i128 as f64 / SUM_SCALE)
+    fn sums(&self) -> [f64; 3] {
+        self.sum.map(sum_of)
     }
 
-    /// The sum of squares of a pixel.
-    pub fn sum_of_squares(&self, pixel: usize) -> [f64; 3] {
-        [0, 1, 2].map(|c| self.sums[pixel][c].get() as f64 / SQUARE_SCALE)
+    fn squares(&self) -> [f64; 3] {
+        self.square.map(squares_of)
     }
+}
+
+fn sum_of(units: i128) -> f64 {
+    units as f64 / (1u128 << SUM_BITS) as f64
+}
+
+fn squares_of(units: u128) -> f64 {
+    units as f64 / (1u64 << SQUARE_BITS) as f64
 }
 
 /// The sums and sums of squares of a pixel from those of its splats and those of its own `samples` samples: see
@@ -126,35 +119,61 @@ pub fn join(
 
 /// The number that a 128-bit sum of splats stands for, low word first.
 pub fn sum_of_words(words: [u32; 4]) -> f64 {
-    wide(words) as i128 as f64 / SUM_SCALE
+    sum_of(wide(words) as i128)
 }
 
 /// The number that a 128-bit sum of squares of splats stands for, low word first.
 pub fn squares_of_words(words: [u32; 4]) -> f64 {
-    wide(words) as f64 / SQUARE_SCALE
+    squares_of(wide(words))
 }
 
 fn wide(words: [u32; 4]) -> u128 {
     words.into_iter().rev().fold(0, |sum, word| sum << 32 | u128::from(word))
 }
 
-/// Splats and their squares: what joins the sums of a [`Film`](super::Film).
+/// Whether a splat can be added: all of it finite, and none beyond [`MAX_SPLAT`].
+#[inline]
+fn fits(value: [f32; 3]) -> bool {
+    value.iter().all(|v| v.abs() <= MAX_SPLAT)
+}
+
+/// Splats and their squares, `[y][x][rgb]`: what joins the sums of a [`Film`](super::Film).
 #[derive(Debug)]
 pub struct SplatSums {
-    sum: Splats,
-    sum2: Splats,
+    stripes: Vec<Mutex<Vec<Wide>>>,
 }
 
 impl SplatSums {
     /// Sums of nothing for so many pixels, 96 bytes each.
     pub fn new(pixels: usize) -> SplatSums {
-        SplatSums { sum: Splats::new(pixels), sum2: Splats::new(pixels) }
+        let stripe = |i: usize| Mutex::new(vec![Wide::default(); STRIPE.min(pixels - i * STRIPE)]);
+        SplatSums { stripes: (0..pixels.div_ceil(STRIPE)).map(stripe).collect() }
     }
 
-    /// Adds a splat to a pixel, from any thread. Returns whether it can be counted, and is.
+    /// A stripe's sums. A thread that died has left every one of them as good as any.
+    fn stripe(&self, index: usize) -> MutexGuard<'_, Vec<Wide>> {
+        self.stripes[index].lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a splat to a pixel, from any thread. Returns whether it can be counted, and is: not finite, or beyond
+    /// [`MAX_SPLAT`], it is not, and without room for its square the variance of this pixel is worthless.
     #[must_use]
     pub fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
-        self.sum.add(pixel, value) && self.sum2.add_square(pixel, value)
+        fits(value) && self.stripe(pixel / STRIPE)[pixel % STRIPE].add(value)
+    }
+
+    fn at(&self, pixel: usize) -> Wide {
+        self.stripe(pixel / STRIPE)[pixel % STRIPE]
+    }
+
+    /// The sum of a pixel.
+    pub fn sum(&self, pixel: usize) -> [f64; 3] {
+        self.at(pixel).sums()
+    }
+
+    /// The sum of squares of a pixel.
+    pub fn sum_of_squares(&self, pixel: usize) -> [f64; 3] {
+        self.at(pixel).squares()
     }
 
     /// Writes the sums, if there are any.
@@ -162,10 +181,11 @@ impl SplatSums {
     /// # Errors
     /// As `to`.
     pub fn save(splats: Option<&SplatSums>, to: &mut dyn Write) -> io::Result<()> {
-        write_words(to, [splats.map_or(0, |s| s.sum.sums.len() as u64)])?;
-        let Some(SplatSums { sum, sum2 }) = splats else { return Ok(()) };
-        sum.save(to)?;
-        sum2.save(to)
+        let stripes = splats.map(|s| s.stripes.as_slice()).unwrap_or_default();
+        let stripe = |i: usize| splats.map(|s| s.stripe(i).clone()).unwrap_or_default();
+        let pixels: usize = (0..stripes.len()).map(|i| stripe(i).len()).sum();
+        write_words(to, [pixels as u64])?;
+        (0..stripes.len()).try_for_each(|i| write_words(to, stripe(i).iter().flat_map(Wide::words)))
     }
 
     /// The sums that were written, if there were any, of so many pixels.
@@ -176,7 +196,11 @@ impl SplatSums {
         match from.word()? {
             0 => Ok(None),
             saved if saved == pixels as u64 => {
-                Ok(Some(SplatSums { sum: Splats::restore(pixels, from)?, sum2: Splats::restore(pixels, from)? }))
+                let splats = SplatSums::new(pixels);
+                for pixel in 0..pixels {
+                    splats.stripe(pixel / STRIPE)[pixel % STRIPE] = Wide::of_words(from)?;
+                }
+                Ok(Some(splats))
             }
             _ => Err(Misfit),
         }
@@ -185,7 +209,68 @@ impl SplatSums {
     /// The sums of a pixel and its sums of squares, of samples and splats together, given those of the `samples`
     /// samples: see [`Film`](super::Film).
     pub fn join(&self, pixel: usize, own: [f64; 3], own2: [f64; 3], samples: u64) -> ([f64; 3], [f64; 3]) {
-        join((self.sum.sum(pixel), self.sum2.sum_of_squares(pixel)), (own, own2), samples)
+        join((self.sum(pixel), self.sum_of_squares(pixel)), (own, own2), samples)
+    }
+}
+
+/// Splats of one thread on their way to [`SplatSums`].
+#[derive(Debug, Default)]
+pub struct SplatBuffer {
+    waiting: Vec<(u32, [f32; 3])>,
+    /// The same by stripe, while they are handed over, and where each stripe's begin.
+    sorted: Vec<(u32, [f32; 3])>,
+    starts: Vec<u32>,
+}
+
+impl SplatBuffer {
+    /// Takes a splat for a pixel, a number below 2^32. Returns whether it can be counted, as [`SplatSums::add`] does.
+    #[inline]
+    #[must_use]
+    pub fn push(&mut self, pixel: usize, value: [f32; 3]) -> bool {
+        let fits = fits(value);
+        if fits {
+            self.waiting.push((pixel as u32, value));
+        }
+        fits
+    }
+
+    /// Whether nothing waits.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Whether it is time to [hand over](Self::flush).
+    #[inline]
+    pub fn is_full(&self) -> bool {
+        self.waiting.len() >= BUFFERED
+    }
+
+    /// Hands everything over and returns how many splats found no room for their squares.
+    #[must_use]
+    pub fn flush(&mut self, sums: &SplatSums) -> u64 {
+        // Counted, then put in place: one pass each, however many stripes there are.
+        self.starts.clear();
+        self.starts.resize(sums.stripes.len() + 1, 0);
+        for (pixel, _) in &self.waiting {
+            self.starts[*pixel as usize / STRIPE + 1] += 1;
+        }
+        for i in 1..self.starts.len() {
+            self.starts[i] += self.starts[i - 1];
+        }
+        self.sorted.resize(self.waiting.len(), Default::default());
+        for splat in self.waiting.drain(..) {
+            let place = &mut self.starts[splat.0 as usize / STRIPE];
+            self.sorted[*place as usize] = splat;
+            *place += 1;
+        }
+        let mut without_room = 0;
+        for group in self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE) {
+            let mut stripe = sums.stripe(group[0].0 as usize / STRIPE);
+            for (pixel, value) in group {
+                without_room += u64::from(!stripe[*pixel as usize % STRIPE].add(*value));
+            }
+        }
+        without_room
     }
 }
 
@@ -193,11 +278,33 @@ impl SplatSums {
 mod tests {
     use super::*;
 
+    /// Words that look like chance.
+    fn word(i: u32) -> u32 {
+        let x = (i ^ i >> 15).wrapping_mul(0x2c1b_3c6d).wrapping_add(0x9e37_79b9);
+        (x ^ x >> 12).wrapping_mul(0x297a_2d39)
+    }
+
+    #[test]
+    fn whole_numbers_are_those_of_a_cast_for_every_kind_of_number() {
+        let of_cast = |v: f32, bits: i32| (f64::from(v) * f64::from(bits).exp2()) as i128;
+        let mut values =
+            vec![0.0, -0.0, f32::MIN_POSITIVE, 1e-40, 1.0, MAX_SPLAT, 2.0f32.powi(-64), 1.999 * 2.0f32.powi(-64)];
+        values.extend((0..4000).map(|i| f32::from_bits(word(i))).filter(|v| v.abs() <= MAX_SPLAT));
+        assert!(values.len() > 2000);
+        for v in values {
+            let mut w = Wide::default();
+            assert!(w.add([v, -v, 0.0]));
+            assert_eq!(w.sum, [of_cast(v, SUM_BITS), of_cast(-v, SUM_BITS), 0], "{v:e}");
+            let square = f64::from(v) * f64::from(v) * f64::from(SQUARE_BITS).exp2();
+            assert_eq!(w.square[0], square as u128, "{v:e}");
+        }
+    }
+
     #[test]
     fn carries_and_signs_survive_any_order() {
         let values = [1.5f32, -3.25e9, 7e-9, MAX_SPLAT, -MAX_SPLAT, 300.0, -299.0, 1e-12, 3.25e9];
-        let forwards = Splats::new(2);
-        let backwards = Splats::new(2);
+        let forwards = SplatSums::new(2);
+        let backwards = SplatSums::new(2);
         for v in values {
             assert!(forwards.add(1, [v, -v, 0.0]));
         }
@@ -213,49 +320,75 @@ mod tests {
 
     #[test]
     fn squares_of_the_greatest_splats_have_room() {
-        let splats = Splats::new(1);
+        let mut wide = Wide::default();
         let n = (1 << 20) - 1;
         for _ in 0..n {
-            assert!(splats.add_square(0, [MAX_SPLAT, 3.0, -0.5]));
+            assert!(wide.add([MAX_SPLAT, 3.0, -0.5]));
         }
-        let square = f64::from(MAX_SPLAT) * f64::from(MAX_SPLAT);
         let n = f64::from(n);
-        assert_eq!(splats.sum_of_squares(0), [n * square, n * 9.0, n * 0.25]);
-        assert!(!splats.add_square(0, [MAX_SPLAT, 0.0, 0.0]), "one more goes past the end and says so");
+        let square = f64::from(MAX_SPLAT) * f64::from(MAX_SPLAT);
+        let scale = f64::from(SQUARE_BITS).exp2();
+        assert_eq!(wide.square.map(|s| s as f64 / scale), [n * square, n * 9.0, n * 0.25]);
+        assert!(!wide.add([MAX_SPLAT, 0.0, 0.0]), "one more goes past the end and says so");
     }
 
     #[test]
     fn what_does_not_fit_is_refused_whole() {
-        let splats = Splats::new(1);
+        let splats = SplatSums::new(1);
+        let mut buffer = SplatBuffer::default();
         for bad in [f32::NAN, f32::INFINITY, -f32::INFINITY, 2.0 * MAX_SPLAT] {
             assert!(!splats.add(0, [1.0, bad, 1.0]));
+            assert!(!buffer.push(0, [1.0, bad, 1.0]));
         }
+        assert_eq!(buffer.flush(&splats), 0);
         assert_eq!(splats.sum(0), [0.0; 3]);
     }
 
     #[test]
-    fn threads_that_meet_lose_nothing() {
-        let splats = Splats::new(1);
+    fn threads_that_meet_lose_nothing_with_a_buffer_or_without() {
+        // Three stripes and a bit, so that buffers are sorted and handed over in parts.
+        let pixels = 3 * STRIPE + 7;
+        let splat = |t: u32, i: u32| {
+            let v = 200.0 + (i % 7 + t) as f32;
+            (word(t << 16 | i) as usize % pixels, [v, -v, if i % 2 == 0 { v } else { -v }])
+        };
+        let splats = SplatSums::new(pixels);
         std::thread::scope(|scope| {
             for t in 0..4u32 {
                 let splats = &splats;
                 scope.spawn(move || {
+                    let mut buffer = SplatBuffer::default();
                     for i in 0..20_000u32 {
-                        // Large enough to carry into the high word again and again, of both signs.
-                        let v = 200.0 + (i % 7 + t) as f32;
-                        assert!(splats.add(0, [v, -v, if i % 2 == 0 { v } else { -v }]));
+                        let (pixel, value) = splat(t, i);
+                        assert!(if t == 0 { splats.add(pixel, value) } else { buffer.push(pixel, value) });
+                        if buffer.is_full() {
+                            assert_eq!(buffer.flush(splats), 0);
+                        }
                     }
+                    assert_eq!(buffer.flush(splats), 0);
                 });
             }
         });
-        let one_by_one = Splats::new(1);
+        let one_by_one = SplatSums::new(pixels);
         for t in 0..4u32 {
             for i in 0..20_000u32 {
-                let v = 200.0 + (i % 7 + t) as f32;
-                assert!(one_by_one.add(0, [v, -v, if i % 2 == 0 { v } else { -v }]));
+                let (pixel, value) = splat(t, i);
+                assert!(one_by_one.add(pixel, value));
             }
         }
-        assert_eq!(splats.sum(0), one_by_one.sum(0));
-        assert!(splats.sum(0)[0] > 1.6e7);
+        for pixel in 0..pixels {
+            assert_eq!(splats.at(pixel), one_by_one.at(pixel));
+        }
+        assert!((0..pixels).map(|p| splats.sum(p)[0]).sum::<f64>() > 1.6e7);
+    }
+
+    #[test]
+    fn a_buffer_says_how_many_found_no_room() {
+        let splats = SplatSums::new(1);
+        splats.stripe(0)[0].square = [u128::MAX; 3];
+        let mut buffer = SplatBuffer::default();
+        assert!(buffer.push(0, [1.0; 3]) && buffer.push(0, [0.0; 3]));
+        assert_eq!(buffer.flush(&splats), 1);
+        assert!(!splats.add(0, [f32::NAN; 3]));
     }
 }

@@ -48,6 +48,7 @@ impl Renderer for Halves {
             let stats = part.advance(missing)?;
             wave.samples += stats.samples;
             wave.render_s += stats.render_s;
+            wave.device_s += stats.device_s;
             wave.paths += stats.paths;
             wave.rays += stats.rays;
             wave.invalid += stats.invalid;
@@ -130,7 +131,7 @@ mod tests {
             self.film.sum[0] = [self.value * self.film.samples as f64; 3];
             self.film.sum2[0] = [self.value * self.value * self.film.samples as f64; 3];
             let first_invalid = Some([self.value as u64, 0, 0]);
-            Ok(WaveStats { samples, render_s: 0.5, paths: samples, rays: 3, invalid: 1, first_invalid })
+            Ok(WaveStats { samples, render_s: 0.5, device_s: 0.25, paths: samples, rays: 3, invalid: 1, first_invalid })
         }
 
         fn film(&self) -> &Film {

@@ -14,6 +14,7 @@ use super::{BackendRow, Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
 use crate::film::state::Saved;
 use crate::scene::CompiledScene;
+use crate::scene::desc::Model;
 
 /// Fake render time of one camera path, in seconds.
 pub const SECONDS_PER_PATH: f64 = 1e-7;
@@ -29,6 +30,7 @@ pub const ROW: BackendRow = BackendRow {
     probe: || Ok("a fake clock of 10 million paths per second".into()),
     // It knows neither paths nor surfaces.
     layers: false,
+    models: &Model::ALL,
     refuses: |_| None,
     open: |scene, job| {
         if !job.layers.is_empty() {

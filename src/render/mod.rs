@@ -16,6 +16,7 @@ use std::sync::Arc;
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
 use crate::scene::CompiledScene;
+use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::sampler::SamplerRow;
@@ -160,6 +161,8 @@ pub struct BackendRow {
     pub probe: fn() -> Result<String, String>,
     /// Whether it can fill layers. If not, a plan that asks it for some is refused.
     pub layers: bool,
+    /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
+    pub models: &'static [Model],
     /// Why it cannot carry out an integrator, if it cannot: a plan that asks for it is refused with these words. Must not
     /// touch a device.
     pub refuses: fn(&IntegratorRow) -> Option<String>,

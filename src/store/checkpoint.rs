@@ -146,7 +146,8 @@ fn head(run: &str, sequence: u64, standing: &Standing) -> Json {
         "growth": standing.growth,
         "wall_s": standing.wall_s,
         "part": {
-            "samples": part.samples, "render_s": part.render_s, "paths": part.paths, "rays": part.rays,
+            "samples": part.samples, "render_s": part.render_s, "device_s": part.device_s,
+            "paths": part.paths, "rays": part.rays,
             "invalid": part.invalid, "first_invalid": part.first_invalid,
         },
         "first_invalid": standing.rows.iter().find_map(|row| row.first_invalid),
@@ -189,6 +190,7 @@ fn standing(head: &Json) -> Option<Standing> {
         part: WaveStats {
             samples: part["samples"].as_u64()?,
             render_s: part["render_s"].as_f64()?,
+            device_s: part["device_s"].as_f64()?,
             paths: part["paths"].as_u64()?,
             rays: part["rays"].as_u64()?,
             invalid: part["invalid"].as_u64()?,

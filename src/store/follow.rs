@@ -330,6 +330,7 @@ impl Follower {
             samples: count("samples"),
             render_s: number("render_s"),
             wall_s: number("wall_s"),
+            measure_s: number("measure_s"),
             paths: count("paths"),
             rays: count("rays"),
             invalid: count("invalid"),

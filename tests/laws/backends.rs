@@ -11,18 +11,19 @@ const BEGIN: &str = "<!-- written by the test `the_table_of_backends_is_what_the
 const END: &str = "<!-- end -->";
 
 fn table() -> String {
-    let mut lines = vec!["| backend | integrators | samplers | layers | what it is |".to_owned()];
-    lines.push("|---|---|---|---|---|".to_owned());
+    let mut lines = vec!["| backend | integrators | samplers | materials | layers | what it is |".to_owned()];
+    lines.push("|---|---|---|---|---|---|".to_owned());
     for row in BACKENDS {
         let able = INTEGRATORS.iter().filter(|i| (row.refuses)(i).is_none()).map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
         let layers = if row.layers { format!("all {}", LAYERS.len()) } else { "none".to_owned() };
         let list = |names: Vec<&str>| names.join(", ");
         lines.push(format!(
-            "| `{}` | {} | {} | {layers} | {} |",
+            "| `{}` | {} | {} | {} | {layers} | {} |",
             row.name,
             list(able.collect()),
             list(samplers.collect()),
+            list(row.models.iter().map(|m| m.word()).collect()),
             row.doc
         ));
     }

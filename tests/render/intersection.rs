@@ -12,7 +12,7 @@ use lumbre::transport::ray::Ray;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
-fn numbers(seed: u32) -> impl FnMut() -> f32 {
+pub fn numbers(seed: u32) -> impl FnMut() -> f32 {
     let mut i = 0;
     move || {
         i += 1;
@@ -20,12 +20,12 @@ fn numbers(seed: u32) -> impl FnMut() -> f32 {
     }
 }
 
-fn point(next: &mut impl FnMut() -> f32) -> Vec3 {
+pub fn point(next: &mut impl FnMut() -> f32) -> Vec3 {
     Vec3::new(next(), next(), next()) * 2.0 - 1.0
 }
 
 /// Triangles of all sizes, slivers among them, and spheres.
-fn soup(seed: u32) -> Arc<CompiledScene> {
+pub fn soup(seed: u32) -> Arc<CompiledScene> {
     let mut next = numbers(seed);
     let mut b = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
     for i in 0..300 {
@@ -43,7 +43,7 @@ fn soup(seed: u32) -> Arc<CompiledScene> {
 }
 
 /// Distance to the nearest primitive in double precision, by testing them all.
-fn brute_force(scene: &CompiledScene, ray: &Ray) -> Option<f64> {
+pub fn brute_force(scene: &CompiledScene, ray: &Ray) -> Option<f64> {
     let o = ray.origin.as_dvec3();
     let d = ray.dir.as_dvec3();
     let mut best: Option<f64> = None;

@@ -17,6 +17,7 @@ use serde_json::{Value as Json, json};
 use crate::cli::args::BenchArgs;
 use crate::cli::builtin::{BuiltIn, short};
 use crate::math::stats::median;
+use crate::render::cpu::lanes::Isa;
 
 /// Starts of the program whose median is reported.
 const STARTS: usize = 11;
@@ -57,17 +58,20 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     let mut rows = Vec::new();
     for (name, file) in &scenes {
         say(&format!("measuring {name}"));
-        rows.push(rates::measure(name, file, threads, repeats)?);
+        rows.push(rates::measure(name, file, threads, repeats, [!args.mpaths, !args.traversal])?);
     }
-    let mut text = rates::table(&rows);
+    let isa = Isa::detect().name();
+    let mut text = format!("instructions: {isa}\n\n{}", rates::table(&rows));
     let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads },
         "repeats": repeats,
+        "instructions": isa,
         "relative_rmse": efficiency::RELATIVE_RMSE,
         "scenes": rows.iter().map(rates::Row::to_json).collect::<Vec<_>>(),
     });
-    if let (false, Some((_, first))) = (args.only, scenes.first()) {
+    let alone = args.only || args.traversal || args.mpaths;
+    if let (false, Some((_, first))) = (alone, scenes.first()) {
         say("measuring the program's own overheads");
         let (plan, plan_s) = night::plan_10_000_cells()?;
         let start_up_s = start_up_s();

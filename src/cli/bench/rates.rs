@@ -20,22 +20,30 @@ pub struct Row {
     primitives: usize,
     resolution: [u32; 2],
     max_depth: u32,
-    rays: RayRates,
-    /// By integrator, in the order of their table.
+    /// Where they were asked for.
+    rays: Option<RayRates>,
+    /// By integrator, in the order of their table; none where they were not asked for.
     integrators: Vec<Measured>,
 }
 
-/// Measures a scene at its own resolution and depth.
+/// Measures a scene at its own resolution and depth: rays, integrators, or both.
 ///
 /// # Errors
 /// When it cannot be loaded or rendered, with a message for people.
-pub fn measure(name: &str, file: &Path, threads: usize, repeats: usize) -> Result<Row, String> {
+pub fn measure(
+    name: &str,
+    file: &Path,
+    threads: usize,
+    repeats: usize,
+    [rays, integrators]: [bool; 2],
+) -> Result<Row, String> {
     let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
     let (compiled, _) = compile(&desc).map_err(|e| e.to_string())?;
     let scene = Arc::new(compiled);
-    let rays = rates::measure(&scene, scene.resolution, repeats).map_err(|e| e.to_string())?;
-    let integrators =
-        INTEGRATORS.iter().map(|row| efficiency::measure(&scene, row, threads, repeats)).collect::<Result<_, _>>()?;
+    let resolution = scene.resolution;
+    let rays = rays.then(|| rates::measure(&scene, resolution, threads, repeats)).transpose()?;
+    let asked = INTEGRATORS.iter().filter(|_| integrators);
+    let integrators = asked.map(|row| efficiency::measure(&scene, row, threads, repeats)).collect::<Result<_, _>>()?;
     Ok(Row {
         scene: name.to_owned(),
         primitives: scene.primitive_count(),
@@ -51,18 +59,16 @@ impl Row {
     pub fn to_json(&self) -> Json {
         let integrators: serde_json::Map<String, Json> =
             self.integrators.iter().map(|m| (m.name.to_owned(), m.to_json())).collect();
+        let rays = self.rays.as_ref();
         json!({
             "scene": self.scene,
             "primitives": self.primitives,
             "resolution": self.resolution,
             "max_depth": self.max_depth,
-            "bvh_build_s": self.rays.build_s,
-            "bvh_nodes": self.rays.nodes,
-            "mrays_per_s": {
-                "primary": self.rays.primary,
-                "bounce": self.rays.bounce,
-                "shadow": self.rays.shadow,
-            },
+            "bvh_build_s": rays.map(|r| r.build_s),
+            "bvh_nodes": rays.map(|r| r.nodes),
+            "bvh_bytes": rays.map(|r| r.bytes),
+            "mrays_per_s": rays.map(|r| json!({ "primary": r.primary, "bounce": r.bounce, "shadow": r.shadow })),
             "integrators": integrators,
         })
     }
@@ -79,17 +85,19 @@ fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
 /// The rows as tables for people.
 pub fn table(rows: &[Row]) -> String {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
-    let mut rays = vec![cells(["scene", "primitives", "build ms", "nodes", "primary", "bounce", "shadow Mrays/s"])];
-    for row in rows {
+    let head = ["scene", "primitives", "build ms", "nodes", "bytes each", "primary", "bounce", "shadow Mrays/s"];
+    let mut rays = vec![cells(head)];
+    for (row, measured) in rows.iter().filter_map(|row| Some((row, row.rays.as_ref()?))) {
         let rate = |x: Option<f64>| or_dash(x.map(|x| format!("{x:.2}")));
         rays.push(vec![
             row.name(),
             row.primitives.to_string(),
-            format!("{:.2}", row.rays.build_s * 1e3),
-            row.rays.nodes.to_string(),
-            rate(row.rays.primary),
-            rate(row.rays.bounce),
-            rate(row.rays.shadow),
+            format!("{:.2}", measured.build_s * 1e3),
+            measured.nodes.to_string(),
+            format!("{:.0}", measured.bytes as f64 / row.primitives.max(1) as f64),
+            rate(measured.primary),
+            rate(measured.bounce),
+            rate(measured.shadow),
         ]);
     }
     let time = format!("time to {:.0} %", RELATIVE_RMSE * 100.0);
@@ -110,5 +118,6 @@ pub fn table(rows: &[Row]) -> String {
             ]);
         }
     }
-    aligned(&rays) + "\n" + &aligned(&paths)
+    let tables: Vec<String> = [rays, paths].iter().filter(|t| t.len() > 1).map(|t| aligned(t)).collect();
+    tables.join("\n")
 }

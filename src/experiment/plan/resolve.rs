@@ -9,7 +9,7 @@ use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
-use crate::render;
+use crate::render::{self, BackendRow};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
@@ -75,7 +75,8 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        if let Some(reason) = render::backend(&config.backend).and_then(|backend| (backend.refuses)(row)) {
+        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene));
+        if let Some(reason) = refused {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
         Self::films(&config, u64::from(width) * u64::from(height), max_depth)
@@ -180,6 +181,14 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(std::fs::File::open(file)?)?;
     Ok(hasher.finalize())
+}
+
+/// Why a backend cannot render this, if it cannot.
+fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc) -> Option<String> {
+    let strange = scene.materials.iter().find(|m| !backend.models.contains(&m.model));
+    let model =
+        |m: &desc::MaterialDesc| format!("it has no materials of the model `{}`, as `{}` is", m.model.word(), m.name);
+    (backend.refuses)(integrator).or_else(|| strange.map(model))
 }
 
 fn hash_of(values: &BTreeMap<String, Value>) -> [u8; 32] {

@@ -1,65 +1,69 @@
-//! The bounding volume hierarchy and the one traversal loop of the CPU backend.
+//! The bounding volume hierarchy of the CPU backend: how it is built and how it lies in memory. The loop that runs through
+//! it is in `traverse`.
 //!
-//! `obvhs` builds a binary tree; it is collapsed here into nodes of four children whose boxes are tested at once.
+//! `obvhs` builds a binary tree; it is collapsed here into nodes of eight children whose boxes are tested at once, and
+//! leaves of blocks of eight primitives that are tested at once.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::{Vec3A, Vec4};
+use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 
-use super::intersect::{self, LANES, ShearedRay, TriangleBlock};
+use super::intersect::TriangleBlock;
+use super::lanes::{Isa, LANES, Row};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::transport::ray::{Hit, Ray, Trace};
-use crate::transport::surface::is_masked_out;
 
-/// Entries of the traversal stack. A tree of four-wide nodes needs three for each level; [`Accel::build`] refuses what
+/// Entries of the traversal stack. A tree of eight-wide nodes needs seven for each level; [`Accel::build`] refuses what
 /// does not fit, which only a contrived scene reaches.
-const STACK: usize = 64;
+pub(super) const STACK: usize = 256;
 
-/// Widens the far end of a slab test so that rounding never loses a box [Ize 2013].
-const SLAB_SLACK: f32 = 1.000_000_5;
+/// Scenes of no more primitives are one leaf: testing all of them costs less than finding out which.
+const ONE_LEAF: usize = 2 * LANES;
 
 /// Marks a child that is a leaf: the rest is the index of its first block.
-const LEAF: u32 = 1 << 31;
+pub(super) const LEAF: u32 = 1 << 31;
 
-/// Up to four children; lane `i` of every vector belongs to child `i`.
+/// Up to eight children; lane `i` of every row belongs to child `i`.
 #[derive(Clone, Debug)]
-struct Node {
+pub(super) struct Node {
     /// Least and greatest coordinates, by axis. A child that is not there has a box that begins behind its end.
-    bounds: [[Vec4; 3]; 2],
+    pub bounds: [[Row; 3]; 2],
     /// Index of a node, or of a block with [`LEAF`] set.
-    child: [u32; 4],
+    pub child: [u32; LANES],
 }
 
 impl Node {
     fn empty() -> Node {
-        Node { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], child: [0; 4] }
+        Node { bounds: [[Row([f32::INFINITY; LANES]); 3], [Row([f32::NEG_INFINITY; LANES]); 3]], child: [0; LANES] }
     }
 }
 
 /// Primitives of a leaf that are tested together.
 #[derive(Clone, Debug)]
-struct Block {
-    triangles: TriangleBlock,
+pub(super) struct Block {
+    pub triangles: TriangleBlock,
     /// The id of each lane's primitive.
-    primitives: [u32; LANES],
+    pub primitives: [u32; LANES],
     /// Bit `i` is set where lane `i` is a sphere.
-    spheres: u32,
+    pub spheres: u32,
     /// Whether this is the last block of its leaf.
-    last: bool,
+    pub last: bool,
 }
 
 /// A scene's hierarchy.
 pub struct Accel {
-    scene: Arc<CompiledScene>,
-    nodes: Vec<Node>,
-    blocks: Vec<Block>,
-    masked: bool,
+    pub(super) scene: Arc<CompiledScene>,
+    /// Where rays begin: a node or a leaf, as in [`Node::child`].
+    pub(super) root: u32,
+    pub(super) nodes: Vec<Node>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) masked: bool,
+    pub(super) isa: Isa,
     /// Seconds spent building.
     pub build_s: f64,
 }
@@ -68,16 +72,25 @@ pub struct Accel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the scene's hierarchy is {levels} levels deep, more than the traversal stack holds")]
 pub struct TooDeep {
-    /// Levels of four-wide nodes.
+    /// Levels of eight-wide nodes.
     pub levels: usize,
 }
 
 impl Accel {
-    /// Builds the hierarchy of a scene.
+    /// Builds the hierarchy of a scene, to be traversed with the widest vectors that the processor has.
     ///
     /// # Errors
     /// When it is too deep to be traversed.
     pub fn build(scene: Arc<CompiledScene>) -> Result<Accel, TooDeep> {
+        Accel::build_for(scene, Isa::detect())
+    }
+
+    /// The same for a set of instructions, one of [`Isa::available`]; for another the portable ones are used. Whatever
+    /// it is, hits have the same bits.
+    ///
+    /// # Errors
+    /// When it is too deep to be traversed.
+    pub fn build_for(scene: Arc<CompiledScene>, isa: Isa) -> Result<Accel, TooDeep> {
         let start = Instant::now();
         let boxes: Vec<Aabb> = scene
             .triangles
@@ -90,16 +103,21 @@ impl Accel {
             .collect();
         let mut accel = Accel {
             masked: scene.materials.iter().any(|m| m.mask_texture != NONE),
+            root: LEAF,
             nodes: Vec::new(),
             blocks: Vec::new(),
+            isa: if Isa::available().contains(&isa) { isa } else { Isa::Portable },
             build_s: 0.0,
             scene,
         };
-        if !boxes.is_empty() {
+        if boxes.len() <= ONE_LEAF {
+            let all: Vec<u32> = (0..boxes.len() as u32).collect();
+            accel.root = accel.push_leaf(&all);
+        } else {
             let params = BvhBuildParams { max_prims_per_leaf: LANES as u32, ..BvhBuildParams::medium_build() };
             let bvh = build_bvh2(&boxes, params, &mut Duration::default());
             let levels = accel.collapse(&bvh);
-            if levels * 3 + 1 > STACK {
+            if levels * (LANES - 1) + 1 > STACK {
                 return Err(TooDeep { levels });
             }
         }
@@ -107,45 +125,50 @@ impl Accel {
         Ok(accel)
     }
 
-    /// Number of four-wide nodes.
+    /// Number of eight-wide nodes.
     pub fn node_count(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Turns the binary tree into four-wide nodes and returns the number of levels. The root is node 0.
+    /// Bytes of nodes and primitives as traversal reads them.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())
+    }
+
+    /// The instructions that traverse it.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Turns the binary tree into eight-wide nodes and returns the number of levels.
     fn collapse(&mut self, bvh: &Bvh2) -> usize {
+        let counts = Subtrees::new(bvh);
+        if counts.fits_a_block(0) {
+            self.root = self.push_leaf(&counts.primitives(bvh, 0));
+            return 0;
+        }
+        self.root = 0;
         // Work list of (binary node whose children fill it, wide node, level): no recursion, whatever the depth.
         self.nodes.push(Node::empty());
         let mut work = vec![(0usize, 0usize, 1usize)];
         let mut levels = 0;
         while let Some((binary, wide, level)) = work.pop() {
             levels = levels.max(level);
-            let mut children = vec![binary];
-            while children.len() < 4 {
-                // Open the inner child with the largest surface: it is the one most often hit.
-                let area = |i: &usize| bvh.nodes[*i].aabb.half_area();
-                let inner = (0..children.len()).filter(|c| bvh.nodes[children[*c]].prim_count == 0);
-                let Some(largest) = inner.max_by(|a, b| area(&children[*a]).total_cmp(&area(&children[*b]))) else {
-                    break;
-                };
-                let first = bvh.nodes[children[largest]].first_index as usize;
-                children[largest] = first;
-                children.push(first + 1);
-            }
-            for (lane, child) in children.into_iter().enumerate() {
-                let source = bvh.nodes[child];
-                let index = if source.prim_count == 0 {
+            let mut children = [0; LANES];
+            let count = counts.open(bvh, binary, &mut children);
+            for (lane, child) in children[..count].iter().copied().enumerate() {
+                let index = if counts.fits_a_block(child) || bvh.nodes[child].prim_count > 0 {
+                    self.push_leaf(&counts.primitives(bvh, child))
+                } else {
                     self.nodes.push(Node::empty());
                     work.push((child, self.nodes.len() - 1, level + 1));
                     self.nodes.len() as u32 - 1
-                } else {
-                    let first = source.first_index as usize;
-                    self.push_leaf(&bvh.primitive_indices[first..first + source.prim_count as usize])
                 };
+                let aabb = bvh.nodes[child].aabb;
                 let node = &mut self.nodes[wide];
                 for axis in 0..3 {
-                    node.bounds[0][axis][lane] = source.aabb.min[axis];
-                    node.bounds[1][axis][lane] = source.aabb.max[axis];
+                    node.bounds[0][axis].0[lane] = aabb.min[axis];
+                    node.bounds[1][axis].0[lane] = aabb.max[axis];
                 }
                 node.child[lane] = index;
             }
@@ -161,8 +184,8 @@ impl Accel {
             let triangle = |lane| at(lane).and_then(|p| self.scene.triangles.get(p as usize).copied());
             let is_sphere = |lane: usize| at(lane).is_some_and(|p| p as usize >= self.scene.triangles.len());
             self.blocks.push(Block {
-                triangles: TriangleBlock::new([0, 1, 2, 3].map(triangle)),
-                primitives: [0, 1, 2, 3].map(|lane| at(lane).unwrap_or(NONE)),
+                triangles: TriangleBlock::new(std::array::from_fn(triangle)),
+                primitives: std::array::from_fn(|lane| at(lane).unwrap_or(NONE)),
                 spheres: (0..LANES).map(|lane| u32::from(is_sphere(lane)) << lane).sum(),
                 last: false,
             });
@@ -172,129 +195,72 @@ impl Accel {
         }
         first | LEAF
     }
-
-    /// The nearest hit with `0 < t < t_max`, masks applied.
-    pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        self.traverse::<false>(ray, t_max)
-    }
-
-    /// Whether anything is hit with `0 < t < t_max`, masks applied.
-    pub fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
-        self.traverse::<true>(ray, t_max).is_some()
-    }
-
-    /// The traversal loop. With `ANY` it returns at the first hit, otherwise at the nearest.
-    fn traverse<const ANY: bool>(&self, ray: &Ray, mut t_max: f32) -> Option<Hit> {
-        if self.nodes.is_empty() {
-            return None;
-        }
-        let sheared = ShearedRay::new(ray);
-        // A zero component would make 0 * inf = NaN on a box's plane; a tiny one is as good and stays finite.
-        let inverse = ray.dir.to_array().map(|d| 1.0 / if d.abs() < 1e-20 { 1e-20f32.copysign(d) } else { d });
-        let origin4 = ray.origin.to_array().map(Vec4::splat);
-        let inverse4 = inverse.map(Vec4::splat);
-        // Which bound a ray meets first on each axis.
-        let [x, y, z] = inverse.map(|d| usize::from(d < 0.0));
-        let mut best: Option<Hit> = None;
-        // Each entry: a child, and the distance at which its box begins.
-        let mut stack = [(0u32, 0.0f32); STACK];
-        let mut depth = 0;
-        let mut current = 0;
-        loop {
-            if current & LEAF != 0 {
-                if let Some(hit) = self.leaf::<ANY>(current & !LEAF, ray, &sheared, t_max) {
-                    if ANY {
-                        return Some(hit);
-                    }
-                    t_max = hit.t;
-                    best = Some(hit);
-                }
-            } else {
-                let node = &self.nodes[current as usize];
-                let plane = |bounds: usize, axis: usize| (node.bounds[bounds][axis] - origin4[axis]) * inverse4[axis];
-                let near = plane(x, 0).max(plane(y, 1)).max(plane(z, 2)).max(Vec4::ZERO);
-                let far = plane(1 - x, 0).min(plane(1 - y, 1)).min(plane(1 - z, 2)) * SLAB_SLACK;
-                let mut met = near.cmple(far.min(Vec4::splat(t_max))).bitmask();
-                let near = near.to_array();
-                // The nearest child is next; the others wait, farthest first.
-                if met != 0 && met & (met - 1) == 0 {
-                    current = node.child[met.trailing_zeros() as usize & 3];
-                    continue;
-                }
-                if met != 0 {
-                    let first = depth;
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize & 3;
-                        met &= met - 1;
-                        let mut place = depth;
-                        while place > first && stack[place - 1].1 < near[lane] {
-                            stack[place] = stack[place - 1];
-                            place -= 1;
-                        }
-                        stack[place] = (node.child[lane], near[lane]);
-                        depth += 1;
-                    }
-                    depth -= 1;
-                    current = stack[depth].0;
-                    continue;
-                }
-            }
-            loop {
-                if depth == 0 {
-                    return best;
-                }
-                depth -= 1;
-                if stack[depth].1 < t_max {
-                    current = stack[depth].0;
-                    break;
-                }
-            }
-        }
-    }
-
-    /// The nearest hit in the blocks of a leaf, or with `ANY` some hit.
-    #[inline(always)]
-    fn leaf<const ANY: bool>(&self, first: u32, ray: &Ray, sheared: &ShearedRay, mut t_max: f32) -> Option<Hit> {
-        let mut best = None;
-        for block in &self.blocks[first as usize..] {
-            let found = block.triangles.intersect(sheared, t_max);
-            let mut lanes = found.lanes | block.spheres;
-            while lanes != 0 {
-                let lane = lanes.trailing_zeros() as usize & 3;
-                lanes &= lanes - 1;
-                let primitive = block.primitives[lane];
-                let hit = if block.spheres & (1 << lane) != 0 {
-                    let sphere = &self.scene.spheres[primitive as usize - self.scene.triangles.len()];
-                    let Some(t) = intersect::sphere(sphere, ray, t_max) else { continue };
-                    Hit { t, primitive, uv: [0.0; 2] }
-                } else if found.t(lane) < t_max {
-                    Hit { t: found.t(lane), primitive, uv: found.uv(lane) }
-                } else {
-                    continue;
-                };
-                if self.masked && is_masked_out(&self.scene, ray, &hit) {
-                    continue;
-                }
-                if ANY {
-                    return Some(hit);
-                }
-                t_max = hit.t;
-                best = Some(hit);
-            }
-            if block.last {
-                break;
-            }
-        }
-        best
-    }
 }
 
-impl Trace for Accel {
-    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        Accel::closest(self, ray, t_max)
+/// How many primitives lie below each node of a binary tree.
+struct Subtrees(Vec<u32>);
+
+impl Subtrees {
+    fn new(bvh: &Bvh2) -> Subtrees {
+        let mut counts = vec![0; bvh.nodes.len()];
+        let mut order = vec![0usize];
+        let mut next = 0;
+        while next < order.len() {
+            let node = &bvh.nodes[order[next]];
+            if node.prim_count == 0 {
+                order.extend([node.first_index as usize, node.first_index as usize + 1]);
+            }
+            next += 1;
+        }
+        for i in order.into_iter().rev() {
+            let node = &bvh.nodes[i];
+            let first = node.first_index as usize;
+            counts[i] = if node.prim_count > 0 { node.prim_count } else { counts[first] + counts[first + 1] };
+        }
+        Subtrees(counts)
     }
 
-    fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
-        Accel::occluded(self, ray, t_max)
+    /// Whether all primitives of a node are tested at once: then nothing is gained by looking at boxes below it.
+    fn fits_a_block(&self, node: usize) -> bool {
+        self.0[node] as usize <= LANES
+    }
+
+    /// The primitives below a node, in the order of the tree.
+    fn primitives(&self, bvh: &Bvh2, node: usize) -> Vec<u32> {
+        let mut all = Vec::with_capacity(self.0[node] as usize);
+        let mut work = vec![node];
+        while let Some(i) = work.pop() {
+            let node = &bvh.nodes[i];
+            let first = node.first_index as usize;
+            if node.prim_count > 0 {
+                all.extend_from_slice(&bvh.primitive_indices[first..first + node.prim_count as usize]);
+            } else {
+                work.extend([first + 1, first]);
+            }
+        }
+        all
+    }
+
+    /// Fills a wide node: opens the node with the largest surface, the one most often hit, until there are eight.
+    fn open(&self, bvh: &Bvh2, node: usize, children: &mut [usize; LANES]) -> usize {
+        children[0] = node;
+        let mut count = 1;
+        while count < LANES {
+            let mut largest = None;
+            let mut area = f32::NEG_INFINITY;
+            for (i, child) in children[..count].iter().enumerate() {
+                let node = &bvh.nodes[*child];
+                let opens = node.prim_count == 0 && !self.fits_a_block(*child);
+                if opens && node.aabb.half_area() > area {
+                    (largest, area) = (Some(i), node.aabb.half_area());
+                }
+            }
+            let Some(i) = largest else { break };
+            let first = bvh.nodes[children[i]].first_index as usize;
+            children[i] = first;
+            children[count] = first + 1;
+            count += 1;
+        }
+        count
     }
 }

@@ -1,12 +1,10 @@
 //! Ray-primitive intersection.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
+use super::lanes::{LANES, Lanes, Row};
 use crate::scene::compile::Sphere;
 use crate::transport::ray::Ray;
-
-/// Triangles in one block, tested together.
-pub const LANES: usize = 4;
 
 /// A ray with what every triangle test needs of it [Woop et al. 2013]: the axis along which it runs most, the two
 /// others, and the shear that makes it run along that axis alone.
@@ -43,18 +41,18 @@ impl ShearedRay {
     }
 }
 
-/// Up to four triangles; lane `i` of every vector belongs to triangle `i`.
+/// Up to eight triangles; lane `i` of every row belongs to triangle `i`.
 #[derive(Clone, Debug)]
 pub struct TriangleBlock {
     /// By corner and axis. Lanes without a triangle hold NaN, which nothing hits.
-    corners: [[Vec4; 3]; 3],
+    corners: [[Row; 3]; 3],
 }
 
 impl TriangleBlock {
     /// A block of the given triangles; missing ones are never hit.
     pub fn new(triangles: [Option<[Vec3; 3]>; LANES]) -> TriangleBlock {
         let lanes = triangles.map(|t| t.unwrap_or([Vec3::NAN; 3]));
-        let corner = |c: usize| [0, 1, 2].map(|axis| Vec4::from_array(lanes.map(|t| t[c][axis])));
+        let corner = |c: usize| [0, 1, 2].map(|axis| Row(lanes.map(|t| t[c][axis])));
         TriangleBlock { corners: [0, 1, 2].map(corner) }
     }
 
@@ -63,64 +61,81 @@ impl TriangleBlock {
     /// Watertight: a ray through a shared edge or corner hits one of the triangles, since both see the same edge
     /// function and a zero counts as inside. Where single precision says exactly zero, double precision decides.
     #[inline(always)]
-    pub fn intersect(&self, ray: &ShearedRay, t_max: f32) -> BlockHit {
-        let [kx, ky, kz] = ray.k;
-        let sheared = |c: usize| {
-            let z = self.corners[c][kz] - Vec4::splat(ray.origin[2]);
-            let x = self.corners[c][kx] - Vec4::splat(ray.origin[0]) - z * Vec4::splat(ray.shear[0]);
-            let y = self.corners[c][ky] - Vec4::splat(ray.origin[1]) - z * Vec4::splat(ray.shear[1]);
-            [x, y, z * Vec4::splat(ray.shear[2])]
-        };
-        let (a, b, c) = (sheared(0), sheared(1), sheared(2));
-        let mut u = c[0] * b[1] - c[1] * b[0];
-        let mut v = a[0] * c[1] - a[1] * c[0];
-        let mut w = b[0] * a[1] - b[1] * a[0];
-        let zero = (u.cmpeq(Vec4::ZERO) | v.cmpeq(Vec4::ZERO) | w.cmpeq(Vec4::ZERO)).bitmask();
+    pub fn intersect<L: Lanes>(&self, ray: &ShearedRay, t_max: f32) -> BlockHit<L> {
+        // Functions rather than closures and maps: what must be compiled for the caller's instructions is inlined by force.
+        let (a, b, c) = (self.sheared::<L>(0, ray), self.sheared::<L>(1, ray), self.sheared::<L>(2, ray));
+        let (mut u, mut v, mut w) = (edge(c, b), edge(a, c), edge(b, a));
+        let none = L::splat(0.0);
+        let zero = u.eq(none) | v.eq(none) | w.eq(none);
         if zero != 0 {
-            for lane in (0..LANES).filter(|lane| zero & (1 << lane) != 0) {
-                (u[lane], v[lane], w[lane]) = (exact(c, b, lane), exact(a, c, lane), exact(b, a, lane));
-            }
+            let mut edges = [u.store(), v.store(), w.store()];
+            exact(&mut edges, [a, b, c].map(|p| [p[0].store(), p[1].store()]), zero);
+            (u, v, w) = (L::load(&edges[0]), L::load(&edges[1]), L::load(&edges[2]));
         }
-        let least = u.min(v).min(w);
-        let greatest = u.max(v).max(w);
-        let outside = least.cmplt(Vec4::ZERO) & greatest.cmpgt(Vec4::ZERO);
-        let det = u + v + w;
-        let t = (u * a[2] + v * b[2] + w * c[2]) / det;
+        let outside = u.min(v).min(w).lt(none) & none.lt(u.max(v).max(w));
+        let det = u.add(v).add(w);
+        let shear = L::splat(ray.shear[2]);
+        let (za, zb, zc) = (a[2].mul(shear), b[2].mul(shear), c[2].mul(shear));
+        let t = u.mul(za).add(v.mul(zb)).add(w.mul(zc)).div(det);
         // Comparisons with what `det == 0` makes, infinite or NaN, are false.
-        let within = t.cmpgt(Vec4::ZERO) & t.cmplt(Vec4::splat(t_max));
-        BlockHit { lanes: within.bitmask() & !outside.bitmask(), t, v, w, det }
+        let within = none.lt(t) & t.lt(L::splat(t_max));
+        BlockHit { lanes: within & !outside, t, v, w, det }
+    }
+
+    /// A corner of all triangles relative to the ray's origin, sheared across the ray; along it not yet.
+    #[inline(always)]
+    fn sheared<L: Lanes>(&self, corner: usize, ray: &ShearedRay) -> [L; 3] {
+        let [kx, ky, kz] = ray.k;
+        let rows = &self.corners[corner];
+        let z = L::load(&rows[kz]).sub(L::splat(ray.origin[2]));
+        let x = L::load(&rows[kx]).sub(L::splat(ray.origin[0])).sub(z.mul(L::splat(ray.shear[0])));
+        let y = L::load(&rows[ky]).sub(L::splat(ray.origin[1])).sub(z.mul(L::splat(ray.shear[1])));
+        [x, y, z]
     }
 }
 
-/// An edge function in double precision.
+/// Twice the area of the triangle between the ray and an edge, as seen along the ray.
+#[inline(always)]
+fn edge<L: Lanes>(p: [L; 3], q: [L; 3]) -> L {
+    p[0].mul(q[1]).sub(p[1].mul(q[0]))
+}
+
+/// The edge functions in double precision in the lanes of `zero`.
 #[cold]
-fn exact(p: [Vec4; 3], q: [Vec4; 3], lane: usize) -> f32 {
-    let at = |v: Vec4| f64::from(v[lane]);
-    (at(p[0]) * at(q[1]) - at(p[1]) * at(q[0])) as f32
+#[inline(never)]
+fn exact(edges: &mut [Row; 3], [a, b, c]: [[Row; 2]; 3], zero: u32) {
+    for lane in (0..LANES).filter(|lane| zero & (1 << lane) != 0) {
+        let edge = |p: &[Row; 2], q: &[Row; 2]| {
+            let at = |row: &Row| f64::from(row.0[lane]);
+            (at(&p[0]) * at(&q[1]) - at(&p[1]) * at(&q[0])) as f32
+        };
+        (edges[0].0[lane], edges[1].0[lane], edges[2].0[lane]) = (edge(&c, &b), edge(&a, &c), edge(&b, &a));
+    }
 }
 
 /// Where a ray met the triangles of a block.
 #[derive(Clone, Copy, Debug)]
-pub struct BlockHit {
+pub struct BlockHit<L> {
     /// Bit `i` is set where triangle `i` is hit.
     pub lanes: u32,
-    t: Vec4,
-    v: Vec4,
-    w: Vec4,
-    det: Vec4,
+    t: L,
+    v: L,
+    w: L,
+    det: L,
 }
 
-impl BlockHit {
-    /// Distance to a triangle that is hit.
+impl<L: Lanes> BlockHit<L> {
+    /// Distances to the triangles that are hit.
     #[inline(always)]
-    pub fn t(&self, lane: usize) -> f32 {
-        self.t[lane]
+    pub fn t(&self) -> Row {
+        self.t.store()
     }
 
-    /// Barycentric weights of its second and third corner.
+    /// Barycentric weights of a triangle's second and third corner.
     #[inline(always)]
     pub fn uv(&self, lane: usize) -> [f32; 2] {
-        [self.v[lane] / self.det[lane], self.w[lane] / self.det[lane]]
+        let det = self.det.store().0[lane];
+        [self.v.store().0[lane] / det, self.w.store().0[lane] / det]
     }
 }
 

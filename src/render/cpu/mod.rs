@@ -1,15 +1,18 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
-//! [`accel`] holds the hierarchy and the one traversal loop, [`renderer`] the one loop over pixels and samples, `layers`
+//! [`accel`] holds the hierarchy, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
 //! the sums of films beside the main one, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
 mod intersect;
+pub mod lanes;
 mod layers;
 pub mod rates;
 pub mod renderer;
+mod traverse;
 
 use super::BackendRow;
+use crate::scene::desc::Model;
 
 /// The row of this backend.
 pub const ROW: BackendRow = BackendRow {
@@ -20,6 +23,7 @@ pub const ROW: BackendRow = BackendRow {
         Ok(format!("{threads} hardware threads"))
     },
     layers: true,
+    models: &Model::ALL,
     refuses: |_| None,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
 };

@@ -20,8 +20,10 @@ use crate::transport::surface::Surface;
 pub struct RayRates {
     /// Seconds to build the hierarchy.
     pub build_s: f64,
-    /// Its four-wide nodes.
+    /// Its eight-wide nodes.
     pub nodes: usize,
+    /// Bytes of nodes and primitives as traversal reads them.
+    pub bytes: usize,
     /// Nearest hits of camera rays, in pixel order.
     pub primary: Option<f64>,
     /// Nearest hits of cosine-distributed rays from where the camera rays hit.
@@ -33,11 +35,23 @@ pub struct RayRates {
 /// A ray and how far it may go.
 type Query = (Ray, f32);
 
-/// Builds the hierarchy `repeats` times and traces each kind of ray as often; medians are returned.
+/// Builds the hierarchy `repeats` times and traces each kind of ray as often, on so many threads (0 is all there are);
+/// medians are returned.
 ///
 /// # Errors
-/// When the scene's hierarchy cannot be used.
-pub fn measure(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize) -> Result<RayRates, TooDeep> {
+/// When the threads cannot be started or the scene's hierarchy cannot be used; in words.
+pub fn measure(
+    scene: &Arc<CompiledScene>,
+    resolution: [u32; 2],
+    threads: usize,
+    repeats: usize,
+) -> Result<RayRates, String> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("rays-{i}")).build();
+    let pool = pool.map_err(|e| format!("cannot start threads: {e}"))?;
+    pool.install(|| measure_here(scene, resolution, repeats)).map_err(|e| e.to_string())
+}
+
+fn measure_here(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize) -> Result<RayRates, TooDeep> {
     let mut builds = Vec::new();
     let mut accel = Accel::build(Arc::clone(scene))?;
     for _ in 0..repeats {
@@ -80,6 +94,7 @@ pub fn measure(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize)
     Ok(RayRates {
         build_s: median(builds),
         nodes: accel.node_count(),
+        bytes: accel.bytes(),
         primary: rate(&primary, false),
         bounce: rate(&bounce, false),
         shadow: rate(&shadow, true),

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 use std::io::{self, Write};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use glam::Vec3;
@@ -12,7 +12,7 @@ use super::accel::Accel;
 use super::layers::{LayerSums, Sums, Tally};
 use crate::film::Film;
 use crate::film::layer::LayerFilm;
-use crate::film::splat::SplatSums;
+use crate::film::splat::{SplatBuffer, SplatSums};
 use crate::film::state::Saved;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
@@ -61,7 +61,7 @@ impl CpuRenderer {
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
-            device: format!("cpu, {} threads, four-wide BVH", pool.current_num_threads()),
+            device: format!("cpu, {} threads, eight-wide BVH, {}", pool.current_num_threads(), accel.isa().name()),
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
@@ -136,6 +136,10 @@ impl Renderer for CpuRenderer {
         let [width, height] = [self.own.width, self.own.height];
         let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, pool, .. } = self;
         let settings = Settings::new(&job.params);
+        // Rows hand their buffers on, so that few are needed and they are mostly full when they are emptied.
+        let buffers: Mutex<Vec<SplatBuffer>> = Mutex::default();
+        let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
+        let sums = || splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
         let (mut layer_rows, spec) = LayerSums::rows(layers, height);
         let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]], layer_row: Option<&mut [Sums]>| {
             let trace = Counted { accel, rays: Cell::new(0) };
@@ -149,6 +153,7 @@ impl Renderer for CpuRenderer {
                 settings: &settings,
             };
             let mut stats = RowStats::default();
+            let mut buffer = idle().pop().unwrap_or_default();
             let mut tally = layer_row.zip(spec).map(|(row, spec)| Tally::new(spec, row));
             for x in 0..width {
                 let pixel = [x, y];
@@ -164,8 +169,7 @@ impl Renderer for CpuRenderer {
                         } else {
                             let inside = c.pixel[0] < width && c.pixel[1] < height;
                             let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
-                            let sums = || splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
-                            if c.value != Vec3::ZERO && !(inside && sums().add(at, c.value.to_array())) {
+                            if c.value != Vec3::ZERO && !(inside && buffer.push(at, c.value.to_array())) {
                                 invalid += 1;
                             } else if let Some(tally) = tally.as_mut().filter(|_| inside) {
                                 invalid += tally.splat(at, &c);
@@ -187,12 +191,16 @@ impl Renderer for CpuRenderer {
                         let again = || (job.sampler.start)(job.seed, pixel, sample);
                         invalid += tally.close(&context, pixel, finite, rays, again);
                     }
+                    if buffer.is_full() {
+                        invalid += buffer.flush(sums());
+                    }
                     if invalid > 0 {
                         let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
                         stats = stats.merge(RowStats { rays: 0, invalid, first_invalid });
                     }
                 }
             }
+            idle().push(buffer);
             RowStats { rays: trace.rays.get(), ..stats }
         };
         let stats = pool.install(|| {
@@ -202,6 +210,10 @@ impl Renderer for CpuRenderer {
             rows.map(|((y, (sum, sum2)), layers)| render_row(y as u32, sum, sum2, layers.take()))
                 .reduce(RowStats::default, RowStats::merge)
         });
+        let mut without_room = 0;
+        for buffer in idle().iter_mut().filter(|b| !b.is_empty()) {
+            without_room += buffer.flush(sums());
+        }
         film.samples += samples;
         let paths = samples * film.sum.len() as u64;
         self.join();
@@ -211,7 +223,7 @@ impl Renderer for CpuRenderer {
             device_s: 0.0,
             paths,
             rays: stats.rays,
-            invalid: stats.invalid,
+            invalid: stats.invalid + without_room,
             first_invalid: stats.first_invalid.map(|[sample, y, x]| [x, y, sample]),
         })
     }

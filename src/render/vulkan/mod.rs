@@ -35,6 +35,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     doc: "A graphics device that traces rays: ray-tracing pipelines.",
     probe: || probe(Kind::Pipeline),
     layers: true,
+    models: upload::MODELS,
     refuses,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Pipeline, &scene, &job)?)),
 };
@@ -45,6 +46,7 @@ pub const QUERY: BackendRow = BackendRow {
     doc: "The same device and the same code in a compute shader, by ray queries.",
     probe: || probe(Kind::Query),
     layers: true,
+    models: upload::MODELS,
     refuses,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Query, &scene, &job)?)),
 };
@@ -55,6 +57,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     doc: "A graphics device that need not trace rays: a compute shader over a hierarchy of our own.",
     probe: || probe(Kind::Compute),
     layers: true,
+    models: upload::MODELS,
     refuses,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Compute, &scene, &job)?)),
 };

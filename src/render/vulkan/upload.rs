@@ -19,6 +19,9 @@ use crate::transport::integrator::Settings;
 use crate::transport::light::{Lights, Select};
 use crate::transport::mis::Heuristic;
 
+/// The models that have shaders, by their number there.
+pub const MODELS: &[Model] = &[Model::Disney, Model::Lambert];
+
 /// What of a scene does not depend on the job: shared by everything that renders it.
 pub struct SceneBuffers {
     /// Corners of the triangles, which acceleration structures are built from.
@@ -36,8 +39,12 @@ impl SceneBuffers {
     /// Copies a scene to a device.
     ///
     /// # Errors
-    /// When an array or the whole is larger than the device holds.
+    /// When an array or the whole is larger than the device holds, or a material has a model without a shader.
     pub fn new(device: &Arc<Device>, scene: &CompiledScene) -> Result<SceneBuffers, VulkanError> {
+        if let Some(material) = scene.materials.iter().find(|m| !MODELS.contains(&m.model)) {
+            let needed = format!("a shader for materials of the model `{}`", material.model.word());
+            return Err(VulkanError::Lacks { device: device.info.line(), needed });
+        }
         let plain = vk::BufferUsageFlags::empty();
         let triangles: Vec<layout::Triangle> = scene.triangles.iter().map(triangle).collect();
         let build = if device.accel.is_some() {
@@ -133,10 +140,8 @@ fn material(m: &compile::Material) -> layout::Material {
     layout::Material {
         base_color: m.base_color.into(),
         emission: m.emission.into(),
-        model: match m.model {
-            Model::Disney => 0,
-            Model::Lambert => 1,
-        },
+        // Scenes with other models are refused before.
+        model: MODELS.iter().position(|known| *known == m.model).unwrap_or(0) as u32,
         roughness: m.roughness,
         metallic: m.metallic,
         opacity: m.opacity,

@@ -207,6 +207,16 @@ impl CompiledScene {
         }
     }
 
+    /// The emitter row of a primitive, or [`NONE`].
+    #[inline]
+    pub fn emitter_of(&self, primitive: u32) -> u32 {
+        let i = primitive as usize;
+        match self.attributes.get(i) {
+            Some(a) => a.emitter,
+            None => self.spheres[i - self.attributes.len()].emitter,
+        }
+    }
+
     /// Number of primitives.
     pub fn primitive_count(&self) -> usize {
         self.triangles.len() + self.spheres.len()

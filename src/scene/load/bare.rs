@@ -12,15 +12,12 @@ use crate::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics,
 /// One mesh with its materials, seen by a camera that frames its bounds.
 pub(super) fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>, notes: &mut Vec<Note>) -> SceneDesc {
     if materials.iter().all(|m| m.emission == Vec3::ZERO) {
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "materials".to_owned(),
-            message: DARK_MESH.to_owned(),
-        });
+        notes.push(Note { file: path.to_owned(), place: "materials".to_owned(), message: DARK_MESH.to_owned() });
     }
     let bounds = mesh.positions.iter().fold(None, |bounds, p| Some(joined(bounds, *p, *p)));
     let name = path.file_stem().map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
     SceneDesc {
+        views: Vec::new(),
         resolution: scn::DEFAULT_RESOLUTION,
         max_depth: scn::DEFAULT_MAX_DEPTH,
         camera: framing_camera(bounds),

@@ -44,6 +44,8 @@ pub struct Disney {
     pub smooth: bool,
     /// The coat.
     pub coat: Clearcoat,
+    /// Made from all others by [`Disney::ready`].
+    pub estimate: Estimate,
 }
 
 /// Probabilities of choosing the lobes.
@@ -52,6 +54,19 @@ struct Choice {
     reflection: f32,
     glass: f32,
     coat: f32,
+}
+
+/// What lobes are estimated to reflect, but for what depends on the direction: the part of [`Choice`] that is the same
+/// for a whole surface. Reflectance is estimated by Schlick's formula for all lobes: close enough to choose by, and free
+/// of square roots.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Estimate {
+    /// The diffuse lobe.
+    diffuse: f32,
+    /// The reflection seen straight on.
+    reflection: f32,
+    /// How much more of it there is at grazing angles.
+    rise: f32,
 }
 
 /// Reflectance at normal incidence of an index.
@@ -106,19 +121,25 @@ impl Disney {
             || self.coat.strength > 0.0
     }
 
-    /// Probabilities in proportion to what each lobe is estimated to reflect; `None` where nothing does. Reflectance is
-    /// estimated by Schlick's formula for all lobes: close enough to choose by, and free of square roots.
+    /// With [`Disney::estimate`] made for the other parameters, which all must be there.
+    #[inline]
+    pub fn ready(self) -> Disney {
+        let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
+        let (f0, color) = (f0_of(self.ior), mean(self.base_color));
+        let rough = if self.smooth { 0.0 } else { LEAST_ROUGH * (self.opaque + self.metallic) };
+        let estimate = Estimate {
+            diffuse: self.opaque * (color + 0.25 * mean(self.diffuse.sheen)),
+            reflection: self.opaque * f0 + self.metallic * color + rough,
+            rise: self.opaque * (1.0 - f0) + self.metallic * (1.0 - color),
+        };
+        Disney { estimate, ..self }
+    }
+
+    /// Probabilities in proportion to what each lobe is estimated to reflect; `None` where nothing does.
     #[inline]
     fn choice(&self, cos_o: f32) -> Option<Choice> {
-        let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
-        let rise = fresnel::schlick_weight(cos_o);
-        let estimate = |f0: f32| f0 + (1.0 - f0) * rise;
-        let color = mean(self.base_color);
-        let mut reflection = self.opaque * estimate(f0_of(self.ior)) + self.metallic * estimate(color);
-        if !self.smooth {
-            reflection += LEAST_ROUGH * (self.opaque + self.metallic);
-        }
-        let diffuse = self.opaque * (color + 0.25 * mean(self.diffuse.sheen));
+        let Estimate { diffuse, reflection, rise } = self.estimate;
+        let reflection = reflection + rise * fresnel::schlick_weight(cos_o);
         let coat = self.coat.reflectance(cos_o);
         let total = diffuse + reflection + self.refractive + coat;
         (total > 0.0).then(|| {
@@ -147,16 +168,20 @@ impl Disney {
         self.density(o, i, ior, Mode::Radiance, Some(&choice)).1
     }
 
-    /// [`Disney::eval`], [`Disney::pdf_w`] and the same with the directions exchanged, for little more than one of them.
+    /// [`Disney::eval`], [`Disney::pdf_w`] and the same with the directions exchanged, for little more than one of them. Without
+    /// `REVERSE` that last density is left out.
     #[inline]
-    pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: Mode) -> (Vec3, [f32; 2]) {
+    pub fn evaluate<const REVERSE: bool>(&self, wo: Vec3, wi: Vec3, mode: Mode) -> (Vec3, [f32; 2]) {
         let (o, i, eta) = self.upper(wo, wi);
         if o.z > 0.0 && i.z > 0.0 {
-            let choices = [self.choice(o.z), self.choice(i.z)];
+            let choices = [self.choice(o.z), if REVERSE { self.choice(i.z) } else { None }];
             return self.reflected(o, i, eta, choices.each_ref().map(Option::as_ref));
         }
+        if self.refractive <= 0.0 {
+            return (Vec3::ZERO, [0.0; 2]);
+        }
         let (f, pdf_w) = self.density(o, i, eta, mode, self.choice(o.z).as_ref());
-        (f, [pdf_w, self.pdf_w(wi, wo)])
+        (f, [pdf_w, if REVERSE { self.pdf_w(wi, wo) } else { 0.0 }])
     }
 
     /// Both directions mirrored so that `wo` is on the upper side, and the index of the lower one.
@@ -252,32 +277,33 @@ impl Disney {
         self.base_color.map(f32::sqrt)
     }
 
-    /// Samples a direction: a lobe by `u`, a direction in it by `v`; the weight is that of the whole mixture.
+    /// Samples a direction: a lobe by `u`, a direction in it by `v`; the weight is that of the whole mixture. With
+    /// `REVERSE` the density of `wo` given that direction comes along, else zero; for Dirac lobes it is zero.
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<Local> {
+    pub fn sample<const REVERSE: bool>(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<(Local, f32)> {
         let (o, _, eta) = self.upper(wo, wo);
         if o.z <= 0.0 {
             return None;
         }
         let c = self.choice(o.z)?;
-        let mut s = if u < c.diffuse {
-            self.finish(o, warp::cosine_hemisphere(v), eta, mode, &c)?
+        let (mut s, mut reverse) = if u < c.diffuse {
+            self.finish::<REVERSE>(o, warp::cosine_hemisphere(v), eta, mode, &c)?
         } else if u < c.diffuse + c.reflection {
             if self.smooth {
                 let wi = Vec3::new(-o.x, -o.y, o.z);
                 let weight = self.opaque_reflectance(o.z) / c.reflection * self.coat.passes(o.z, o.z);
-                Local::new(LobeSample { wi, weight, eta: 1.0 }, c.reflection, true)
+                (Local::new(LobeSample { wi, weight, eta: 1.0 }, c.reflection, true), 0.0)
             } else {
                 let wi = mirrored(o, self.ggx.sample(o, v));
                 if wi.z <= 0.0 {
                     return None;
                 }
-                self.finish(o, wi, eta, mode, &c)?
+                self.finish::<REVERSE>(o, wi, eta, mode, &c)?
             }
         } else if u < c.diffuse + c.reflection + c.glass || c.coat <= 0.0 {
             let rest = ((u - c.diffuse - c.reflection) / c.glass).clamp(0.0, 1.0);
             if self.smooth_glass() {
-                self.smooth_refraction(o, rest, eta, mode, &c)?
+                (self.smooth_refraction(o, rest, eta, mode, &c)?, 0.0)
             } else {
                 let h = self.ggx.sample(o, v);
                 let reflectance = fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
@@ -285,7 +311,7 @@ impl Disney {
                 if (wi.z > 0.0) != (rest < reflectance) {
                     return None;
                 }
-                self.finish(o, wi, eta, mode, &c)?
+                self.finish::<REVERSE>(o, wi, eta, mode, &c)?
             }
         } else {
             let h = self.coat.sample(v);
@@ -296,21 +322,38 @@ impl Disney {
             if wi.z <= 0.0 {
                 return None;
             }
-            self.finish(o, wi, eta, mode, &c)?
+            self.finish::<REVERSE>(o, wi, eta, mode, &c)?
         };
         if wo.z < 0.0 {
             s.sample.wi.z = -s.sample.wi.z;
         }
-        Some(s)
+        if REVERSE && !s.delta && s.sample.wi.z * wo.z < 0.0 {
+            reverse = self.pdf_w(s.sample.wi, wo);
+        }
+        Some((s, reverse))
     }
 
-    /// A sampled direction with the weight and density of the whole mixture.
+    /// A sampled direction with the weight and density of the whole mixture; with `REVERSE` also the density of `o` given
+    /// it, where it is reflected.
     #[inline]
-    fn finish(&self, o: Vec3, i: Vec3, eta: f32, mode: Mode, choice: &Choice) -> Option<Local> {
-        let (f, pdf_w) = self.density(o, i, eta, mode, Some(choice));
+    fn finish<const REVERSE: bool>(
+        &self,
+        o: Vec3,
+        i: Vec3,
+        eta: f32,
+        mode: Mode,
+        choice: &Choice,
+    ) -> Option<(Local, f32)> {
+        let (f, [pdf_w, reverse]) = if REVERSE && i.z > 0.0 {
+            self.reflected(o, i, eta, [Some(choice), self.choice(i.z).as_ref()])
+        } else {
+            let (f, pdf_w) = self.density(o, i, eta, mode, Some(choice));
+            (f, [pdf_w, 0.0])
+        };
         let weight = f * (i.z.abs() / pdf_w);
         let eta = if i.z < 0.0 { eta } else { 1.0 };
-        (pdf_w > 0.0 && weight.is_finite()).then(|| Local::new(LobeSample { wi: i, weight, eta }, pdf_w, false))
+        let local = || (Local::new(LobeSample { wi: i, weight, eta }, pdf_w, false), reverse);
+        (pdf_w > 0.0 && weight.is_finite()).then(local)
     }
 
     #[inline]

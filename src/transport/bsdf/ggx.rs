@@ -22,6 +22,9 @@ impl Ggx {
     #[inline]
     pub fn new(roughness: f32, anisotropic: f32) -> Ggx {
         let alpha = roughness * roughness;
+        if anisotropic == 0.0 {
+            return Ggx { alpha: [alpha.max(MIN_ALPHA); 2] };
+        }
         let aspect = (1.0 - 0.9 * anisotropic).sqrt();
         Ggx { alpha: [(alpha / aspect).max(MIN_ALPHA), (alpha * aspect).max(MIN_ALPHA)] }
     }
@@ -30,9 +33,11 @@ impl Ggx {
     #[inline]
     pub fn d(&self, h: Vec3) -> f32 {
         let [ax, ay] = self.alpha;
-        let (x, y) = (h.x / ax, h.y / ay);
-        let s = x * x + y * y + h.z * h.z;
-        FRAC_1_PI / (ax * ay * s * s)
+        // 1 / (pi ax ay ((x / ax)^2 + (y / ay)^2 + z^2)^2), with one division.
+        let area = ax * ay;
+        let (x, y, z) = (h.x * ay, h.y * ax, h.z * area);
+        let s = x * x + y * y + z * z;
+        FRAC_1_PI * area * area * area / (s * s)
     }
 
     /// Smith's masking over the cosine, `G1(w) / z` [Heitz 2014], in a form that stays finite.

@@ -166,7 +166,7 @@ impl Bsdf {
                 let hue = |part: f32| if part > 0.0 { Vec3::ONE.lerp(hue_of(base_color), part) } else { Vec3::ONE };
                 let tinted_f0 =
                     (m.specular_tint > 0.0).then(|| (hue(m.specular_tint) * disney::f0_of(m.ior)).min(Vec3::ONE));
-                Kind::Disney(Disney {
+                let disney = Disney {
                     base_color,
                     opaque,
                     metallic,
@@ -182,7 +182,9 @@ impl Bsdf {
                     ggx: Ggx::new(roughness, m.anisotropic),
                     smooth: roughness < m.smooth_below,
                     coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss),
-                })
+                    estimate: disney::Estimate::default(),
+                };
+                Kind::Disney(disney.ready())
             }
         };
         Bsdf { frame: frame(surface), n_geometric: surface.n_geometric, overhang: surface.overhang.is_some(), kind }
@@ -219,10 +221,23 @@ impl Bsdf {
     /// Value and both densities at once: much cheaper than one by one.
     #[inline]
     pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: Mode) -> BsdfValue {
+        self.values::<true>(wo, wi, mode)
+    }
+
+    /// Value and density of `wi` given `wo`; cheaper still, for integrators that have no use for the other one.
+    #[inline]
+    pub fn evaluate_forward(&self, wo: Vec3, wi: Vec3, mode: Mode) -> (Vec3, f32) {
+        let value = self.values::<false>(wo, wi, mode);
+        (value.f, value.pdf_w)
+    }
+
+    /// [`Bsdf::evaluate`]; without `REVERSE` the reverse density is zero.
+    #[inline]
+    fn values<const REVERSE: bool>(&self, wo: Vec3, wi: Vec3, mode: Mode) -> BsdfValue {
         let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
         let (f, [pdf_w, reverse_pdf_w]) = match &self.kind {
             Kind::Ideal(k) => (k.eval(o, i), [k.pdf_w(o, i), k.pdf_w(i, o)]),
-            Kind::Disney(k) => k.evaluate(o, i, mode),
+            Kind::Disney(k) => k.evaluate::<REVERSE>(o, i, mode),
             Kind::Interface(k) => k.evaluate(o, i, mode),
         };
         let f = match mode {
@@ -235,7 +250,7 @@ impl Bsdf {
         BsdfValue {
             f: if lets_through(wo, o, wi, i, mode) { f } else { Vec3::ZERO },
             pdf_w: if lets_through(wo, o, wi, i, Mode::Radiance) { pdf_w } else { 0.0 },
-            reverse_pdf_w: if lets_through(wi, i, wo, o, Mode::Radiance) { reverse_pdf_w } else { 0.0 },
+            reverse_pdf_w: if REVERSE && lets_through(wi, i, wo, o, Mode::Radiance) { reverse_pdf_w } else { 0.0 },
         }
     }
 
@@ -253,11 +268,31 @@ impl Bsdf {
     /// reflection and refraction; `v` chooses within a lobe that has a density.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<BsdfSample> {
+        self.samples::<false>(wo, u, v, mode).map(|(sample, _)| sample)
+    }
+
+    /// The same, with the density of `wo` given the direction; zero for a Dirac lobe. Cheaper than asking for it by itself.
+    #[inline]
+    pub fn sample_with_reverse(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<(BsdfSample, f32)> {
+        self.samples::<true>(wo, u, v, mode)
+    }
+
+    /// [`Bsdf::sample_with_reverse`]; without `REVERSE` the reverse density is zero.
+    #[inline]
+    fn samples<const REVERSE: bool>(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<(BsdfSample, f32)> {
         let o = self.frame.to_local(wo);
-        let Local { sample, pdf_w, delta } = match &self.kind {
-            Kind::Ideal(k) => k.sample(o, u, v, mode)?,
-            Kind::Disney(k) => k.sample(o, u, v, mode)?,
-            Kind::Interface(k) => k.sample(o, u, v, mode)?,
+        let (Local { sample, pdf_w, delta }, reverse) = match &self.kind {
+            Kind::Ideal(k) => {
+                let s = k.sample(o, u, v, mode)?;
+                let reverse = if REVERSE && !s.delta { k.pdf_w(s.sample.wi, o) } else { 0.0 };
+                (s, reverse)
+            }
+            Kind::Disney(k) => k.sample::<REVERSE>(o, u, v, mode)?,
+            Kind::Interface(k) => {
+                let s = k.sample(o, u, v, mode)?;
+                let reverse = if REVERSE && !s.delta { k.evaluate(o, s.sample.wi, mode).1[1] } else { 0.0 };
+                (s, reverse)
+            }
         };
         let wi = self.frame.to_world(sample.wi);
         if pdf_w <= 0.0 || !self.agrees(wo, o) || !self.lets_in(wi, sample.wi, o, mode) {
@@ -267,7 +302,9 @@ impl Bsdf {
             Mode::Radiance => sample.weight,
             Mode::Importance => sample.weight * self.adjoint(wo, wi, o, sample.wi),
         };
-        Some(BsdfSample { wi, weight, pdf_w, delta, eta: sample.eta })
+        let returns = REVERSE && self.agrees(wi, sample.wi) && self.lets_in(wo, o, sample.wi, Mode::Radiance);
+        let reverse = if returns { reverse } else { 0.0 };
+        Some((BsdfSample { wi, weight, pdf_w, delta, eta: sample.eta }, reverse))
     }
 
     /// Whether a direction is on the same side of the real surface and of the one that the shading normal suggests.

@@ -16,7 +16,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bpt",
     long_name: "backward path tracing",
-    revision: 1,
+    revision: 2,
     doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
     params: Table { name: "BptParams", doc: "Parameters of `bpt`: none.", fields: &[] },
     splats: false,
@@ -41,6 +41,10 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             found(context.lights.environment(ray.dir));
             break;
         };
+        // The last edge finds light or nothing.
+        if depth == context.max_depth && scene.emitter_of(hit.primitive) == NONE {
+            break;
+        }
         let surface = Surface::at(scene, &ray, &hit);
         if over.is_some_and(|o| !o.reaches(surface.position)) {
             break;

@@ -19,7 +19,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
     long_name: "backward path tracing with next event estimation",
-    revision: 1,
+    revision: 2,
     doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
           meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
           where no connection could find it: seen directly or after a specular event.",
@@ -78,6 +78,10 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             }
             break;
         };
+        // The last edge finds light or nothing.
+        if depth == context.max_depth && scene.emitter_of(hit.primitive) == NONE {
+            break;
+        }
         let surface = Surface::at(scene, &ray, &hit);
         if over.is_some_and(|o| !o.reaches(surface.position)) {
             break;
@@ -143,8 +147,8 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
 
 /// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
 fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
-    let value = bsdf.evaluate(wo, direct.wi, Mode::Radiance);
-    let radiance = value.f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
+    let (f, pdf_w) = bsdf.evaluate_forward(wo, direct.wi, Mode::Radiance);
+    let radiance = f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
     let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
     if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
         return None;
@@ -157,7 +161,7 @@ fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: 
     };
     lit.then(|| {
         let weight = match context.settings.mis {
-            Some(h) if !direct.delta => h.weight(direct.pdf_w, value.pdf_w),
+            Some(h) if !direct.delta => h.weight(direct.pdf_w, pdf_w),
             _ => 1.0,
         };
         (radiance, weight)

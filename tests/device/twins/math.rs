@@ -56,7 +56,8 @@ pub const MATH: Twin = Twin {
             };
             let scale = [1e-3, 1.0, 7.0, 300.0][d.word() as usize % 4];
             let (p, n, q) = (d.vector(scale), d.direction(), d.vector(scale));
-            let pair = [d.between(-9.0, 9.0).exp2(), if i.is_multiple_of(9) { 0.0 } else { d.between(-60.0, 60.0).exp2() }];
+            let pair =
+                [d.between(-9.0, 9.0).exp2(), if i.is_multiple_of(9) { 0.0 } else { d.between(-60.0, 60.0).exp2() }];
             d.put(u);
             d.put(p.to_array());
             d.put(n.to_array());

@@ -63,6 +63,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     }
     let white = EnvironmentDesc { source: EnvironmentSource::Color(Vec3::ONE), rotation_deg: 0.0, scale: 1.0 };
     let desc = SceneDesc {
+        views: Vec::new(),
         resolution: scn::DEFAULT_RESOLUTION,
         max_depth: scn::DEFAULT_MAX_DEPTH,
         camera,

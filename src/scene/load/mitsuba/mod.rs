@@ -136,6 +136,7 @@ impl Builder {
         let mut seen = BTreeSet::new();
         root.note_unread(&mut self.notes, &mut seen);
         let desc = SceneDesc {
+            views: Vec::new(),
             resolution,
             max_depth,
             camera,

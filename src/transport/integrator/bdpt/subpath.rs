@@ -203,6 +203,11 @@ fn walk(
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
             return Some(Escape { edge, throughput });
         };
+        // From the camera, the last edge finds light or nothing.
+        let only_light = mode == Mode::Radiance && count == max_edges;
+        if only_light && context.scene.emitter_of(hit.primitive) == NONE {
+            return None;
+        }
         let surface = Surface::at(context.scene, &ray, &hit);
         if over.is_some_and(|o| !o.reaches(surface.position)) {
             return None;
@@ -321,11 +326,11 @@ impl Vertex {
         if self.back > 0.0 { f64::from(reverse_pdf_w) * f64::from(self.back) } else { 0.0 }
     }
 
-    /// The edge on which the path goes on into `wi`, which was found with density `pdf_w` or, if `self.delta`, by a Dirac
-    /// event. The density of what such an event generates is `|cos| eta^2` of the outgoing side relative to the incoming
+    /// The edge on which the path goes on into `wi`, which was found with density `pdf_w` (the way back has `reverse_pdf_w`)
+    /// or, if `self.delta`, by a Dirac event. The density of what such an event generates is `|cos| eta^2` of the outgoing side relative to the incoming
     /// one: see [`weights`](super::weights).
     #[inline]
-    pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32) -> Edge {
+    pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32, reverse_pdf_w: f32) -> Edge {
         let (pdf_w, before) = if self.delta {
             let (out, back) = (wi.dot(self.n_geometric).abs(), self.wo.dot(self.n_geometric).abs());
             let (out, back) = match mode {
@@ -334,7 +339,7 @@ impl Vertex {
             };
             (f64::from(out), f64::from(back) * f64::from(self.back))
         } else {
-            (f64::from(pdf_w), self.density_before(self.bsdf.pdf_w(wi, self.wo)))
+            (f64::from(pdf_w), self.density_before(reverse_pdf_w))
         };
         let link = self.chain.onward(h, self.delta, before);
         let (n, from) = match self.overhang {
@@ -356,8 +361,8 @@ impl Vertex {
         sampler: &mut Sampler,
     ) -> Option<Departure> {
         let choice = sampler.next_1d();
-        let BsdfSample { wi, weight, pdf_w, delta, eta } =
-            self.bsdf.sample(self.wo, choice, sampler.next_2d(), mode)?;
+        let (BsdfSample { wi, weight, pdf_w, delta, eta }, reverse) =
+            self.bsdf.sample_with_reverse(self.wo, choice, sampler.next_2d(), mode)?;
         (self.delta, self.eta) = (delta, eta);
         // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
         let eta2 = if mode == Mode::Radiance { eta * eta } else { 1.0 };
@@ -366,6 +371,6 @@ impl Vertex {
         if throughput == Vec3::ZERO {
             return None;
         }
-        Some(Departure { ray: surface.spawn(wi), edge: self.onward(h, mode, wi, pdf_w), throughput })
+        Some(Departure { ray: surface.spawn(wi), edge: self.onward(h, mode, wi, pdf_w, reverse), throughput })
     }
 }

@@ -67,7 +67,13 @@ fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<
     let mut last = None;
     for i in 1..s {
         let v = vertex(context, h, path, i, &edge, -path.dirs[i - 1], |eta| 1.0 / eta)?;
-        edge = v.onward(h, Mode::Importance, path.dirs[i], v.bsdf.pdf_w(v.wo, path.dirs[i]));
+        edge = v.onward(
+            h,
+            Mode::Importance,
+            path.dirs[i],
+            v.bsdf.pdf_w(v.wo, path.dirs[i]),
+            v.bsdf.pdf_w(path.dirs[i], v.wo),
+        );
         last = Some(v);
     }
     last
@@ -82,7 +88,7 @@ fn camera_side(context: &Context, h: Heuristic, path: &Path, last: usize) -> Opt
     for i in (last..k).rev() {
         let v = vertex(context, h, path, i, &edge, path.dirs[i], |eta| eta)?;
         let wi = -path.dirs[i - 1];
-        edge = v.onward(h, Mode::Radiance, wi, v.bsdf.pdf_w(v.wo, wi));
+        edge = v.onward(h, Mode::Radiance, wi, v.bsdf.pdf_w(v.wo, wi), v.bsdf.pdf_w(wi, v.wo));
         end = Some(v);
     }
     Some((end, edge))
