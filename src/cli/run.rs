@@ -92,7 +92,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
     if !told {
         say_failures(plan, &night);
     }
-    say_disagreements(&plan, &night);
+    say_disagreements(plan, &night);
     if !global.quiet {
         say_where(&store, plan, &night);
     }

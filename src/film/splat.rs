@@ -350,7 +350,7 @@ mod tests {
         let pixels = 3 * STRIPE + 7;
         let splat = |t: u32, i: u32| {
             let v = 200.0 + (i % 7 + t) as f32;
-            (word(t << 16 | i) as usize % pixels, [v, -v, if i % 2 == 0 { v } else { -v }])
+            (word(t << 16 | i) as usize % pixels, [v, -v, if i.is_multiple_of(2) { v } else { -v }])
         };
         let splats = SplatSums::new(pixels);
         std::thread::scope(|scope| {

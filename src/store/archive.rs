@@ -1,7 +1,7 @@
 //! Reading what earlier nights left. Nothing here writes.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,8 @@ pub struct Archive {
     /// Whether a finished run was whole when every byte of it was read, by its folder and the hash in its last file;
     /// without it sizes are enough.
     inspected: Option<RefCell<BTreeMap<(PathBuf, String), bool>>>,
+    /// What was said of folders, so that it is said once.
+    told: RefCell<BTreeSet<(PathBuf, String)>>,
     decode: Decode,
     /// Folders of finished runs by experiment name and run id, filled when a name is first asked for.
     index: RefCell<BTreeMap<String, BTreeMap<String, PathBuf>>>,
@@ -33,7 +35,14 @@ pub struct Archive {
 impl Archive {
     /// What lies below `out`, which need not exist.
     pub fn new(out: &Path, decode: Decode) -> Archive {
-        Archive { out: out.to_owned(), own: None, inspected: None, decode, index: RefCell::default() }
+        Archive {
+            out: out.to_owned(),
+            own: None,
+            inspected: None,
+            told: RefCell::default(),
+            decode,
+            index: RefCell::default(),
+        }
     }
 
     /// The same, looking into one experiment's folder first and always afresh, and taking nothing for finished whose
@@ -68,6 +77,19 @@ impl Archive {
         (self.decode)(&bytes)
     }
 
+    /// A run that says it is finished, unless something about it is not as it was; that is told once.
+    fn sound(&self, folder: &Path, looked: Result<Option<FinishedRun>, String>) -> Option<FinishedRun> {
+        match looked {
+            Ok(run) => run,
+            Err(problem) => {
+                if self.inspected.is_some() && self.told.borrow_mut().insert((folder.to_owned(), problem.clone())) {
+                    tracing::warn!("{}: {problem}; the run is rendered again", folder.display());
+                }
+                None
+            }
+        }
+    }
+
     /// A finished run whose files are what they were when it was finished, if that is looked at.
     fn whole(&self, run: FinishedRun) -> Option<FinishedRun> {
         let Some(inspected) = &self.inspected else { return Some(run) };
@@ -92,15 +114,18 @@ impl History for Archive {
             CellRef::Cell(i) => {
                 let cell = plan.cells.get(i)?;
                 let columns = if cell.reference.is_some() { plan.columns() } else { Vec::new() };
-                let look =
-                    |folder: PathBuf| self.whole(finished(&folder, &cell.id.0, "done.json", "final.exr", &columns)?);
+                let look = |folder: PathBuf| {
+                    let looked = finished(&folder, &cell.id.0, "done.json", "final.exr", &columns);
+                    self.whole(self.sound(&folder, looked)?)
+                };
                 let here = self.own.as_ref().and_then(|own| look(layout::run_folder(own, cell)));
                 here.or_else(|| look(self.indexed(&plan.name, &cell.id.0)?))
             }
             CellRef::Reference(i) => {
                 let reference = plan.references.get(i)?;
                 let folder = layout::reference_folder(&self.out, &reference.id);
-                self.whole(finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[])?)
+                let looked = finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[]);
+                self.whole(self.sound(&folder, looked)?)
             }
         }
     }
@@ -142,19 +167,37 @@ impl History for Archive {
 
 /// A finished run, if the folder holds one: its last file is there and says so, its picture and the films that it names
 /// are there, and its measurements can be read and have the columns that are asked for.
-fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[String]) -> Option<FinishedRun> {
-    let done = read_json(&folder.join(marker))?;
-    if done["run"].as_str() != Some(id) || !folder.join(picture).is_file() || seal::glance(folder, &done).is_err() {
-        return None;
+///
+/// # Errors
+/// What is wrong with a run whose last file says that it is finished, in words.
+fn finished(
+    folder: &Path,
+    id: &str,
+    marker: &str,
+    picture: &str,
+    columns: &[String],
+) -> Result<Option<FinishedRun>, String> {
+    let Ok(bytes) = fs::read(folder.join(marker)) else { return Ok(None) };
+    let Ok(done) = serde_json::from_slice::<Json>(&bytes) else { return Err(format!("{marker} is damaged")) };
+    seal::glance(folder, &done)?;
+    if done["run"].as_str() != Some(id) {
+        return Ok(None);
     }
-    let names = done["films"].as_array().into_iter().flatten();
-    let film = |name: &Json| name.as_str().is_some_and(|n| folder.join(FILMS).join(format!("{n}.exr")).is_file());
-    if !names.clone().all(film) {
-        return None;
+    let missing = |file: &str| Err(format!("{file} is missing"));
+    if !folder.join(picture).is_file() {
+        return missing(picture);
     }
-    let (found, rows) = rows::parse(&fs::read_to_string(folder.join("metrics.csv")).ok()?).ok()?;
-    let places: Vec<usize> =
-        columns.iter().map(|c| found.iter().position(|f| f == c)).collect::<Option<Vec<usize>>>()?;
+    for film in done["films"].as_array().into_iter().flatten().filter_map(Json::as_str) {
+        let file = format!("{FILMS}/{film}.exr");
+        if !folder.join(&file).is_file() {
+            return missing(&file);
+        }
+    }
+    let text =
+        fs::read_to_string(folder.join("metrics.csv")).map_err(|e| format!("metrics.csv cannot be read: {e}"))?;
+    let (found, rows) = rows::parse(&text).map_err(|problem| format!("metrics.csv is damaged: {problem}"))?;
+    let place = |c: &String| found.iter().position(|f| f == c).ok_or_else(|| format!("metrics.csv has no column {c}"));
+    let places: Vec<usize> = columns.iter().map(place).collect::<Result<_, String>>()?;
     let first_invalid = first_invalid(&done);
     let rows = rows.into_iter().map(|row| WaveRow {
         metrics: places.iter().map(|p| row.metrics[*p]).collect(),
@@ -163,7 +206,7 @@ fn finished(folder: &Path, id: &str, marker: &str, picture: &str, columns: &[Str
     });
     let floor = |column: &String| done["floors"].get(column).and_then(number);
     let floors = if done["floors"].is_object() { columns.iter().map(floor).collect() } else { Vec::new() };
-    Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into() })
+    Ok(Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into() }))
 }
 
 /// A number as Lumbre writes it into JSON, which has no infinities.

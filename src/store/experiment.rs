@@ -81,8 +81,10 @@ impl Store {
             }
             let config = cell_json(plan, cell);
             let known = serde_json::from_slice::<Json>(&found).unwrap_or_default();
-            // References belong to many experiments, whose names differ.
-            if known["identity"] != config["identity"] || known["run"] != config["run"] {
+            // A run may be another plan's too, and a reference another experiment's, which call it otherwise.
+            let same = |key: &str| known[key] == config[key];
+            let ours = ["program", "experiment", "plan"].into_iter().all(same);
+            if !same("identity") || !same("run") || (ours && known != config) {
                 tracing::warn!("{} was damaged and is written anew", path.display());
                 write::atomic(&path, pretty(&config).as_bytes())?;
             }

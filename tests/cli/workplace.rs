@@ -51,7 +51,7 @@ pub const SLOW: &str = r#"
 local x = experiment("slow", { seed = 1, repeats = 24 })
 local function dawdle(row)
   local n = 0
-  for i = 1, 1000000 do n = n + i % 7 end
+  for i = 1, 3000000 do n = n + i % 7 end
   return row.wave >= 3
 end
 x:render(function(p) return { scene = "ball.scn", integrator = "bpt", resolution = { 24, 16 }, backend = "mock" } end)

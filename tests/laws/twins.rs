@@ -12,8 +12,16 @@ const ALONE: &[(&str, &str)] = &[
 
 /// Originals without a twin, and why.
 const HOST: &[(&str, &str)] = &[
+    ("src/math/discovery.rs", "statistics of nights"),
     ("src/math/mod.rs", "nothing but names"),
     ("src/math/stats.rs", "tests of statistics"),
+    ("src/math/student.rs", "statistics of nights"),
+    ("src/transport/bsdf/beckmann.rs", "a model that devices refuse"),
+    ("src/transport/bsdf/conductor.rs", "a model that devices refuse"),
+    ("src/transport/bsdf/facets.rs", "a model that devices refuse"),
+    ("src/transport/bsdf/glass.rs", "a model that devices refuse"),
+    ("src/transport/bsdf/interface.rs", "a model that devices refuse"),
+    ("src/transport/bsdf/plastic.rs", "a model that devices refuse"),
     ("src/transport/camera/mod.rs", "nothing but names"),
     ("src/transport/integrator/mod.rs", "the table of integrators"),
     ("src/transport/integrator/oracle/mod.rs", "the slow judge of weights"),

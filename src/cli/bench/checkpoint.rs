@@ -50,7 +50,7 @@ pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> 
             .map_err(|e| e.to_string())?;
         seconds.push(start.elapsed().as_secs_f64());
     }
-    Ok(median(seconds.into_iter()))
+    Ok(median(seconds))
 }
 
 fn planned(scene: &std::path::Path, folder: &std::path::Path) -> Result<Plan, String> {

@@ -9,9 +9,11 @@ use crate::cli::args::Global;
 use crate::cli::load::decode;
 use crate::film::layer::Layer;
 use crate::film::{Film, Image};
-use crate::render::{Job, backend};
+use crate::render::halves::Halves;
+use crate::render::{Job, Renderer, backend};
 use crate::scene::desc::content_hash;
-use crate::scene::{SceneDesc, compile, edit, load};
+use crate::scene::{SceneDesc, compile, edit};
+use crate::script;
 use crate::store;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::integrator::integrator;
@@ -111,13 +113,20 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         filter: FilterSpec { kind: kind.ok_or("its pixel filter is unknown")?, radius },
         layers: films.filter_map(Layer::from_name).collect(),
         sampler: text("sampler").map(sampler)?.ok_or("its sampler is unknown")?,
-        seed: stored.config["seed"].as_u64().ok_or("its config.json has no seed")?,
+        seed: 0,
         threads: global.threads,
     };
     let wanted = global.backend.as_deref().map_or_else(|| text("backend"), Ok)?;
     let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`"))?;
     (row.probe)().map_err(|reason| format!("backend `{wanted}` cannot be used here: {reason}"))?;
-    let mut renderer = (row.open)(Arc::new(compiled), job).map_err(|e| e.to_string())?;
+    let scene = Arc::new(compiled);
+    let open = |seed: u64| (row.open)(Arc::clone(&scene), Job { seed, ..job.clone() }).map_err(|e| e.to_string());
+    let seed = |json: &Json| json.as_u64().ok_or_else(|| "its config.json has no seed".to_owned());
+    // A reference is made of two halves.
+    let mut renderer: Box<dyn Renderer> = match stored.config["seeds"].as_array().map(Vec::as_slice) {
+        Some([first, second]) => Box::new(Halves::new([open(seed(first)?)?, open(seed(second)?)?])),
+        _ => open(seed(&stored.config["seed"])?)?,
+    };
     while renderer.film().samples < stored.samples {
         let left = stored.samples - renderer.film().samples;
         let stats = renderer.advance(left.min(STEP)).map_err(|e| e.to_string())?;
@@ -139,7 +148,11 @@ fn scene(render: &Json, started_in: Option<&Path>, global: &Global) -> Result<Sc
             places.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
         )
     })?;
-    let (mut scene, _) = load::load_with(file, global.missing()).map_err(|e| e.to_string())?;
+    let options = match Value::from_json(&render["scene_options"]) {
+        Value::Map(options) => options,
+        _ => Default::default(),
+    };
+    let (mut scene, _) = script::scene::read(file, &options, global.missing()).map_err(|e| e.to_string())?;
     if let Value::Map(changes) = Value::from_json(&render["set"]) {
         edit::apply(&mut scene, &changes).map_err(|e| e.to_string())?;
     }

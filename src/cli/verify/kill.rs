@@ -32,10 +32,10 @@ return x
 const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Columns of measurements and summaries that hold clocks, or tell in which of the nights a run was finished.
-const CLOCKS: [&str; 5] = ["render_s", "wall_s", "mpaths_per_s", "status", "reason"];
+const CLOCKS: [&str; 6] = ["render_s", "wall_s", "measure_s", "mpaths_per_s", "status", "reason"];
 
 /// Fields of a run's last file that hold clocks, or hashes of files with clocks.
-const CLOCK_FIELDS: [&str; 6] = ["render_s", "wall_s", "accel_build_s", "finished", "files", "check"];
+const CLOCK_FIELDS: [&str; 7] = ["render_s", "wall_s", "measure_s", "accel_build_s", "finished", "files", "check"];
 
 /// What a check found.
 pub struct Killed {
