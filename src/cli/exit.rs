@@ -20,7 +20,7 @@ pub enum Exit {
     NotVerified,
     /// A second technique contradicts a reference.
     Disagreement,
-    /// SIGTERM or SIGHUP ended the night between waves; the same command goes on.
+    /// SIGTERM or SIGUSR1 ended the night between waves; the same command goes on.
     Checkpointed,
     /// The user ended the night.
     Interrupted,

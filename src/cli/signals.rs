@@ -17,7 +17,7 @@ impl Heard {
     pub fn exit(&self) -> Exit {
         match self.last.load(Ordering::SeqCst) {
             #[cfg(unix)]
-            signal_hook::consts::SIGTERM | signal_hook::consts::SIGHUP => Exit::Checkpointed,
+            signal_hook::consts::SIGTERM | signal_hook::consts::SIGUSR1 => Exit::Checkpointed,
             _ => Exit::Interrupted,
         }
     }
@@ -26,9 +26,9 @@ impl Heard {
 /// Starts to listen on a thread of its own. `leave` is called before the program is left at once, to give the
 /// terminal back.
 ///
-/// SIGINT, SIGTERM and SIGHUP ask `control` to stop, which writes a checkpoint; asked twice, the program ends at once
-/// with 128 plus the signal's number. SIGUSR1 asks for a checkpoint and nothing more. A SIGHUP that was ignored when the
-/// program started, as under `nohup`, stays so: the night then goes on without its terminal.
+/// SIGINT, SIGTERM and SIGUSR1 ask `control` to stop, which writes a checkpoint; asked twice, the program ends at once
+/// with 128 plus the signal's number. SIGUSR1 is what Slurm sends before the time of a job is over. SIGHUP asks for a
+/// checkpoint and nothing more: the night goes on without its terminal.
 ///
 /// # Errors
 /// When the system refuses the handlers or the thread.
@@ -36,16 +36,13 @@ impl Heard {
 pub fn listen(control: Arc<Control>, leave: fn()) -> std::io::Result<Heard> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 
-    let mut wanted = vec![SIGINT, SIGTERM, SIGUSR1];
-    if !ignored(SIGHUP) {
-        wanted.push(SIGHUP);
-    }
-    let mut signals = signal_hook::iterator::Signals::new(wanted)?;
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGUSR1, SIGHUP])?;
     let heard = Heard::default();
     let last = Arc::clone(&heard.last);
     let work = move || {
         for signal in signals.forever() {
-            if signal == SIGUSR1 {
+            if signal == SIGHUP {
+                tracing::info!("the terminal went away; the night goes on");
                 control.request_checkpoint();
                 continue;
             }
@@ -59,15 +56,6 @@ pub fn listen(control: Arc<Control>, leave: fn()) -> std::io::Result<Heard> {
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(work)?;
     Ok(heard)
-}
-
-/// Whether a signal was ignored before this program began to listen, where the system says so.
-#[cfg(unix)]
-fn ignored(signal: i32) -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let mask = mask.and_then(|hex| u64::from_str_radix(hex.trim(), 16).ok()).unwrap_or(0);
-    mask >> (signal - 1) & 1 == 1
 }
 
 /// Where there are no signals, the dashboard's keys end the night.

@@ -62,8 +62,8 @@ fn sigterm_ends_the_wave_and_asks_to_be_run_again() {
 }
 
 #[test]
-fn a_closed_terminal_does_the_same() {
-    assert_eq!(end_and_go_on("-HUP"), Some(75));
+fn sigusr1_does_the_same() {
+    assert_eq!(end_and_go_on("-USR1"), Some(75));
 }
 
 #[test]
@@ -72,21 +72,7 @@ fn ctrl_c_ends_the_wave_and_leaves() {
 }
 
 #[test]
-fn under_nohup_a_closed_terminal_does_not_end_the_night() {
-    let place = Workplace::new();
-    place.write("slow.lua", SLOW);
-    let ignoring = format!("trap '' HUP; exec '{}' run slow.lua -q", env!("CARGO_BIN_EXE_lumbre"));
-    let mut command = Command::new("sh");
-    command.args(["-c", &ignoring]).current_dir(place.path(".")).stdout(Stdio::null()).stderr(Stdio::null());
-    let mut child = command.spawn().unwrap();
-    wait_for_first(&place, &mut child);
-    send(&child, "-HUP");
-    assert_eq!(child.wait().unwrap().code(), Some(0));
-    assert_eq!(place.finished().len(), CELLS);
-}
-
-#[test]
-fn sigusr1_writes_a_checkpoint_and_the_night_goes_on() {
+fn a_closed_terminal_writes_a_checkpoint_and_the_night_goes_on() {
     let place = Workplace::new();
     let mut child = start(&place);
     wait_for_first(&place, &mut child);
@@ -96,7 +82,7 @@ fn sigusr1_writes_a_checkpoint_and_the_night_goes_on() {
     while !kept(&place) {
         assert!(since.elapsed() < PATIENCE, "no checkpoint was written");
         assert!(child.try_wait().unwrap().is_none(), "the night ended before a checkpoint was seen");
-        send(&child, "-USR1");
+        send(&child, "-HUP");
         std::thread::sleep(Duration::from_millis(2));
     }
     assert_eq!(child.wait().unwrap().code(), Some(0));

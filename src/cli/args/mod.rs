@@ -42,11 +42,11 @@ Exit codes:
     3  some cells failed
     4  a limit was reached with work left
     5  verification failed
-   75  ended by SIGTERM or SIGHUP after the current wave; run again to go on
+   75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
   130  ended by Ctrl-C (128 plus the signal's number by a second signal, at once)
 
 Every end but the last writes a checkpoint: the same command goes on to the same bytes.
-SIGUSR1 writes one now, and the night goes on.
+SIGHUP, from a terminal that closed, writes one now, and the night goes on.
 
 Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
 
