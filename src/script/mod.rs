@@ -65,16 +65,35 @@ pub fn load(path: &Path) -> Result<Script, ScriptError> {
 /// Whatever is wrong with it; see [`Problem`].
 pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
     let text = source::read(path)?;
+    let Read { shared, lua, returned } = read(path, &text, limits, Purpose::Experiment)?;
+    let spec = finish(&shared, &returned, path, text)?;
+    let points = hooks::point_metatable(&lua, &shared).map_err(|e| shared.convert(&e))?;
+    Ok(Script { spec, shared, points, lua })
+}
+
+/// A file that has run, with what it returned.
+struct Read {
+    shared: Rc<Shared>,
+    lua: Lua,
+    returned: LuaValue,
+}
+
+/// Runs a file for a purpose, in a state of its own.
+fn read(path: &Path, text: &str, limits: Limits, purpose: Purpose) -> Result<Read, ScriptError> {
+    let what = match purpose {
+        Purpose::Experiment => "loading the script",
+        Purpose::Scene { .. } => "loading the scene",
+    };
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut sources = source::Sources::default();
-    sources.add(&name, path, text.clone());
+    sources.add(&name, path, text.to_owned());
     let shared = Rc::new(Shared {
         limits,
         watch: limits::Watch::default(),
         sources: RefCell::new(sources),
         folder: folder_of(path),
         loading: Cell::new(true),
-        purpose: Purpose::Experiment,
+        purpose,
         builder: RefCell::new(Builder::default()),
         scene: RefCell::default(),
         requiring: RefCell::default(),
@@ -83,13 +102,10 @@ pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
     let lua = state::new_state(&shared).map_err(|e| shared.convert(&e))?;
     api::register(&lua, &shared).map_err(|e| shared.convert(&e))?;
     let chunk = format!("@{}", shared.sources.borrow().get(0).chunk);
-    let returned = shared.run("loading the script", limits.load_s, || {
-        lua.load(text.as_str()).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(())
-    })?;
+    let returned = shared
+        .run(what, limits.load_s, || lua.load(text).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(()))?;
     shared.loading.set(false);
-    let spec = finish(&shared, &returned, path, text)?;
-    let points = hooks::point_metatable(&lua, &shared).map_err(|e| shared.convert(&e))?;
-    Ok(Script { spec, shared, points, lua })
+    Ok(Read { shared, lua, returned })
 }
 
 /// The folder of a script, from which its modules and files are found.

@@ -11,13 +11,10 @@ mod part;
 mod shapes;
 mod texture;
 
-use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::rc::Rc;
 
 use glam::Vec3;
-use mlua::chunk::ChunkMode;
 use mlua::{Lua, UserData, Value as LuaValue};
 
 pub use chance::SCATTER;
@@ -27,12 +24,11 @@ pub use part::{PART, PLACE};
 pub use shapes::TABLES as SHAPE_TABLES;
 pub use texture::PAINT;
 
-use super::api::builder::Builder;
 use super::api::{self, ApiFn};
 use super::error::{Problem, ScriptError};
 use super::source::Place;
 use super::state::{Purpose, Shared};
-use super::{Limits, limits, locate, source, state};
+use super::{Limits, Read, locate, source};
 use crate::scene::desc::{CameraDesc, Optics, SceneDesc};
 use crate::scene::load::{Missing, load_with};
 use crate::scene::{Note, SceneError};
@@ -135,29 +131,8 @@ pub fn load(
     missing: Missing,
 ) -> Result<(SceneDesc, Vec<Note>), ScriptError> {
     let text = source::read(path)?;
-    let mut sources = source::Sources::default();
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    sources.add(&name, path, text.clone());
-    let limits = Limits::default();
-    let shared = Rc::new(Shared {
-        limits,
-        watch: limits::Watch::default(),
-        sources: RefCell::new(sources),
-        folder: super::folder_of(path),
-        loading: Cell::new(true),
-        purpose: Purpose::Scene { options: options.clone(), missing },
-        builder: RefCell::new(Builder::default()),
-        scene: RefCell::default(),
-        requiring: RefCell::default(),
-        predicates: RefCell::default(),
-    });
-    let lua = state::new_state(&shared).map_err(|e| shared.convert(&e))?;
-    api::register(&lua, &shared).map_err(|e| shared.convert(&e))?;
-    let chunk = format!("@{}", shared.sources.borrow().get(0).chunk);
-    let returned = shared.run("loading the scene", limits.load_s, || {
-        lua.load(text.as_str()).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(())
-    })?;
-    shared.loading.set(false);
+    let purpose = Purpose::Scene { options: options.clone(), missing };
+    let Read { shared, returned, lua: _lua } = super::read(path, &text, Limits::default(), purpose)?;
     finish(&shared, &returned, options, &text)
 }
 
