@@ -262,6 +262,19 @@ fn another_plan_with_the_same_digits_gets_more_of_them() {
     assert_eq!(Store::open(dir.path(), &second, decode).unwrap().folder(), dir.path().join("night-3f9a1"));
 }
 
+/// Asks for a claim whose owner has just let go of it. Other tests start programs meanwhile, and a program that is being
+/// started holds whatever its parent had open for a moment, a lock as well.
+pub fn at_last(mut ask: impl FnMut() -> Claim) -> Claim {
+    let since = std::time::Instant::now();
+    loop {
+        let claim = ask();
+        if claim == Claim::Ours || since.elapsed() > std::time::Duration::from_secs(20) {
+            return claim;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+}
+
 #[test]
 fn a_second_process_works_on_what_the_first_does_not() {
     let dir = tempfile::tempdir().unwrap();
@@ -273,7 +286,7 @@ fn a_second_process_works_on_what_the_first_does_not() {
     assert!(matches!(second.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
     assert_eq!(second.claim(&plan, CellRef::Cell(1)).unwrap(), Claim::Ours);
     drop(first);
-    assert_eq!(second.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
+    assert_eq!(at_last(|| second.claim(&plan, CellRef::Cell(0)).unwrap()), Claim::Ours);
 }
 
 #[test]
