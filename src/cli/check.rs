@@ -28,11 +28,13 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
 
 /// An experiment, or a scene where the file turns out to describe one.
 fn lua(file: &Path, global: &Global) -> Result<String, Failure> {
-    if file.is_file() && script::load(file).is_err_and(|e| script::scene::is_scene(&e)) {
-        return scene(file, global);
-    }
+    load::expect_script(file)?;
+    let script = match script::load(file) {
+        Err(error) if script::scene::is_scene(&error) => return scene(file, global),
+        read => read.map_err(Failure::diagnostic)?,
+    };
     let args = ScriptArgs { script: file.to_owned(), axes: Vec::new(), only: Vec::new() };
-    let (_, plan) = load::plan(&args, global)?;
+    let plan = load::planned(&script, &args, global)?;
     load::show_doubts(&plan);
     Ok(format!(
         "experiment `{}`, {}, {}, {} skipped",

@@ -21,6 +21,12 @@ use crate::value::{Value, suggest};
 pub fn plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
     let script = script::load(&args.script).map_err(Failure::diagnostic)?;
+    let plan = planned(&script, args, global)?;
+    Ok((script, plan))
+}
+
+/// Expands the plan of a script that was read.
+pub fn planned(script: &Script, args: &ScriptArgs, global: &Global) -> Result<Arc<Plan>, Failure> {
     let pairs = |(axis, values): &(String, Vec<Value>)| -> Vec<(String, Value)> {
         values.iter().map(|value| (axis.clone(), value.clone())).collect()
     };
@@ -31,8 +37,7 @@ pub fn plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), F
     };
     let mut load =
         |path: &Path, options: &BTreeMap<String, Value>| script::scene::read(path, options, global.missing());
-    let plan = expand(&script.spec, &script, &overrides, &mut load).map_err(plan_failure)?;
-    Ok((script, Arc::new(plan)))
+    expand(&script.spec, script, &overrides, &mut load).map(Arc::new).map_err(plan_failure)
 }
 
 /// Reads a scene file of any format, Lua included.
@@ -69,7 +74,7 @@ fn plan_failure(error: PlanError) -> Failure {
 }
 
 /// Finds the mistakes that a script's path may have before Lua sees it.
-fn expect_script(path: &Path) -> Result<(), Failure> {
+pub fn expect_script(path: &Path) -> Result<(), Failure> {
     if path.is_dir() {
         let scripts = scripts_in(path);
         let help = match scripts.as_slice() {

@@ -38,14 +38,7 @@ impl Standing {
 
     /// Counts what a call of the renderer did.
     pub fn count(&mut self, stats: &WaveStats) {
-        let part = &mut self.part;
-        part.samples += stats.samples;
-        part.render_s += stats.render_s;
-        part.device_s += stats.device_s;
-        part.paths += stats.paths;
-        part.rays += stats.rays;
-        part.invalid += stats.invalid;
-        part.first_invalid = part.first_invalid.or(stats.first_invalid);
+        self.part.add(stats);
         self.left = self.left.saturating_sub(stats.samples);
     }
 

@@ -181,11 +181,11 @@ impl SplatSums {
     /// # Errors
     /// As `to`.
     pub fn save(splats: Option<&SplatSums>, to: &mut dyn Write) -> io::Result<()> {
-        let stripes = splats.map(|s| s.stripes.as_slice()).unwrap_or_default();
-        let stripe = |i: usize| splats.map(|s| s.stripe(i).clone()).unwrap_or_default();
-        let pixels: usize = (0..stripes.len()).map(|i| stripe(i).len()).sum();
+        let Some(splats) = splats else { return write_words(to, [0]) };
+        let stripes = 0..splats.stripes.len();
+        let pixels: usize = stripes.clone().map(|i| splats.stripe(i).len()).sum();
         write_words(to, [pixels as u64])?;
-        (0..stripes.len()).try_for_each(|i| write_words(to, stripe(i).iter().flat_map(Wide::words)))
+        stripes.into_iter().try_for_each(|i| write_words(to, splats.stripe(i).iter().flat_map(Wide::words)))
     }
 
     /// The sums that were written, if there were any, of so many pixels.

@@ -45,14 +45,7 @@ impl Renderer for Halves {
             if missing == 0 {
                 continue;
             }
-            let stats = part.advance(missing)?;
-            wave.samples += stats.samples;
-            wave.render_s += stats.render_s;
-            wave.device_s += stats.device_s;
-            wave.paths += stats.paths;
-            wave.rays += stats.rays;
-            wave.invalid += stats.invalid;
-            wave.first_invalid = wave.first_invalid.or(stats.first_invalid);
+            wave.add(&part.advance(missing)?);
         }
         self.joint = Film::pooled(self.parts[0].film(), self.parts[1].film());
         Ok(wave)

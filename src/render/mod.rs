@@ -67,6 +67,19 @@ pub struct WaveStats {
     pub first_invalid: Option<[u64; 3]>,
 }
 
+impl WaveStats {
+    /// Counts what was done after this.
+    pub fn add(&mut self, later: &WaveStats) {
+        self.samples += later.samples;
+        self.render_s += later.render_s;
+        self.device_s += later.device_s;
+        self.paths += later.paths;
+        self.rays += later.rays;
+        self.invalid += later.invalid;
+        self.first_invalid = self.first_invalid.or(later.first_invalid);
+    }
+}
+
 /// What a renderer did before its first wave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenStats {

@@ -6,10 +6,12 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
+use crate::cli::load;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
 use crate::render::{Job, backend};
-use crate::scene::{CompiledScene, compile, load};
+use crate::scene::load::Missing;
+use crate::scene::{CompiledScene, compile};
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 use crate::transport::sampler::INDEPENDENT;
@@ -48,7 +50,7 @@ pub fn measure(
     resolution: [u32; 2],
     repeats: usize,
 ) -> Result<Vec<Row>, String> {
-    let (desc, _) = load::load(file).map_err(|e| e.to_string())?;
+    let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
     let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
     let mut rows = Vec::new();
     for integrator in INTEGRATORS {
