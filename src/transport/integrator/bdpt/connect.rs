@@ -34,7 +34,7 @@ pub fn hit(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connec
     }
     let light = LightId::Emitter(z.emitter);
     let point = LightPoint { light, position: z.position, normal: z.n_geometric, uv: z.uv };
-    let end = LightEnd::new(context, &point, z.wo, z.previous, z.n_previous);
+    let end = LightEnd::new(context, &point, z.out.wo, z.previous, z.n_previous);
     let others = others_of_hit(h, &z.chain, &end, t);
     Some(Connection { unweighted: z.throughput * z.emitted, others, point: Some(point), wi: Vec3::ZERO })
 }
@@ -59,7 +59,7 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
 pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sampler) -> Option<Connection> {
     let choice = sampler.next_1d();
     let d = context.lights.sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
-    let at_z = z.bsdf.evaluate(z.wo, d.wi, Mode::Radiance);
+    let at_z = z.bsdf.evaluate_from(&z.out, d.wi, Mode::Radiance);
     let unweighted = z.throughput * at_z.f * z.cos(d.wi) * d.radiance / d.pdf_w;
     let refused = z.overhang.is_some_and(|o| o.refuses(&d));
     if refused || unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
@@ -92,11 +92,11 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     if !wi.is_finite() {
         return None;
     }
-    let at_z = z.bsdf.evaluate(z.wo, wi, Mode::Radiance);
+    let at_z = z.bsdf.evaluate_from(&z.out, wi, Mode::Radiance);
     if at_z.f == Vec3::ZERO {
         return None;
     }
-    let at_y = y.bsdf.evaluate(y.wo, -wi, Mode::Importance);
+    let at_y = y.bsdf.evaluate_from(&y.out, -wi, Mode::Importance);
     let unweighted = y.throughput * at_y.f * y.cos(-wi) * at_z.f * z.cos(wi) * z.throughput / distance2;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, z.position, z.n_geometric, y.position, y.n_geometric)
     {
@@ -114,7 +114,7 @@ pub fn lens(
     sampler: &mut Sampler,
 ) -> Option<(Connection, CameraConnection)> {
     let c = context.camera.connect(y.position, sampler.next_2d(), sampler.next_2d())?;
-    let at_y = y.bsdf.evaluate(y.wo, -c.dir, Mode::Importance);
+    let at_y = y.bsdf.evaluate_from(&y.out, -c.dir, Mode::Importance);
     let unweighted = y.throughput * at_y.f * y.cos(-c.dir) * c.importance;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO) {
         return None;
