@@ -13,6 +13,7 @@ mod docs;
 mod doctor;
 mod exit;
 mod explain;
+mod export;
 mod inspect;
 mod load;
 mod log;
@@ -65,6 +66,7 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Explain(args) => explain::main(args, global),
         Verb::Plan(args) => plan::main(args, global),
         Verb::Check(args) => check::main(args, global),
+        Verb::Export(args) => export::main(args, global),
         Verb::Watch(args) => watch::main(args, global, &log),
         Verb::Status(args) => status::main(args, global),
         Verb::Ls(args) => inspect::ls(args, global),

@@ -105,6 +105,12 @@ pub enum Verb {
     Plan(PlanArgs),
     /// Check scripts and scene files of every known format; render and write nothing
     Check(CheckArgs),
+    /// Write a scene of any known format as files for another renderer
+    ///
+    /// Meshes are PLY, textures PNG or OpenEXR. What the other renderer has no words for becomes a note that says what
+    /// takes its place. The path of the scene's file goes to stdout. Samples, depth and size are parameters of it:
+    /// mitsuba -D spp=64 -D max_depth=5 scene.xml
+    Export(ExportArgs),
     /// Show a night that runs or has ended in the dashboard, from any terminal
     ///
     /// Reads files only: no lock is taken and nothing is written, so a folder that was copied from another machine will
@@ -270,6 +276,25 @@ pub struct CheckArgs {
     pub files: Vec<PathBuf>,
 }
 
+/// `lumbre export`.
+#[derive(Args, Debug)]
+pub struct ExportArgs {
+    /// The scene: a file of any known format, or Lua that returns one
+    pub file: PathBuf,
+    /// For Mitsuba 3: XML
+    #[arg(long, required = true)]
+    pub mitsuba: bool,
+    /// The folder that is written; it must be new, empty, or hold an earlier export [default: NAME-mitsuba]
+    #[arg(short = 'o', long = "folder", value_name = "DIR")]
+    pub folder: Option<PathBuf>,
+    /// Choose an option of a scene written in Lua; give it again for more
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    pub option: Vec<(String, Value)>,
+    /// Change something in the scene by its path: `materials.egg.ior=1.3`, `camera=table`; give it again for more
+    #[arg(long, value_name = "PATH=VALUE", value_parser = setting)]
+    pub set: Vec<(String, Value)>,
+}
+
 /// `lumbre watch`.
 #[derive(Args, Debug)]
 pub struct WatchArgs {
@@ -407,6 +432,12 @@ pub struct BenchArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Reads `name=value`.
+fn setting(text: &str) -> Result<(String, Value), String> {
+    let (name, said) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    Ok((name.trim().to_owned(), value(said)?))
 }
 
 /// Reads `axis=value,value`.

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{Context, IntegratorRow, Settings, settings};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::bsdf::{Bsdf, Mode, Outgoing};
 use crate::transport::contribution::Contribution;
 use crate::transport::flight::{self, Chance, Flight};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
@@ -106,10 +106,11 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             break;
         }
         let bsdf = Bsdf::new(&surface, &scene.textures);
+        let out = bsdf.outgoing(wo);
         if bsdf.has_density() {
             let mut join = |surface: &Surface, direct: Option<DirectSample>| {
                 if let Some(direct) = direct
-                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, wo, &direct)
+                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, &out, &direct)
                 {
                     let unweighted = throughput * radiance;
                     let to = (direct.wi, direct.distance);
@@ -130,7 +131,7 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             }
         }
         let choice = sampler.next_1d();
-        let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
+        let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { break };
         throughput *= s.weight;
         eta_scale *= s.eta * s.eta;
         over = surface.overhang_into(s.wi);
@@ -151,9 +152,15 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
     }
 }
 
-/// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
-fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
-    let (f, pdf_w) = bsdf.evaluate_forward(wo, direct.wi, Mode::Radiance);
+/// Radiance that leaves along `out` for light that arrives from a sampled point, and its weight; `None` in shadow.
+fn connect(
+    context: &Context,
+    surface: &Surface,
+    bsdf: &Bsdf,
+    out: &Outgoing,
+    direct: &DirectSample,
+) -> Option<(Vec3, f32)> {
+    let (f, pdf_w) = bsdf.evaluate_forward(out, direct.wi, Mode::Radiance);
     let radiance = f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
     let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
     if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {

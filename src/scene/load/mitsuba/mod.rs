@@ -32,6 +32,7 @@ use self::texture::Textures;
 use self::tree::{Item, Object};
 use super::{Missing, bare, scn};
 use crate::scene::desc::{EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, SceneDesc, Transform};
+use crate::scene::names::Names;
 use crate::scene::{Note, SceneError};
 
 /// The resolution of a film that says none.
@@ -72,24 +73,6 @@ fn beside(o: &Object, file: &str) -> PathBuf {
 /// In single precision.
 fn affine(map: &DAffine3) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(map.matrix3.as_mat3()), translation: Vec3A::from(map.translation.as_vec3()) }
-}
-
-/// Names that are taken, for things and for materials.
-#[derive(Default)]
-struct Names(BTreeMap<String, usize>);
-
-impl Names {
-    /// The stem, with the first free number from 2 on where it is taken.
-    fn give(&mut self, stem: &str) -> String {
-        let mut name = stem.to_owned();
-        while self.0.contains_key(&name) {
-            let number = self.0.entry(stem.to_owned()).or_insert(1);
-            *number += 1;
-            name = format!("{stem}_{number}");
-        }
-        self.0.insert(name.clone(), 1);
-        name
-    }
 }
 
 struct Builder {

@@ -37,7 +37,7 @@ pub fn hit(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connec
     }
     let light = LightId::Emitter(z.emitter);
     let point = LightPoint { light, position: z.position, normal: z.n_geometric, uv: z.uv };
-    let end = LightEnd::new(context, &point, z.wo, z.previous, z.n_previous);
+    let end = LightEnd::new(context, &point, z.out.wo, z.previous, z.n_previous);
     let others = others_of_hit(h, &z.chain, &end, t);
     let length = z.stamp.arrived();
     Some(Connection { unweighted: z.throughput * z.emitted, others, point: Some(point), wi: Vec3::ZERO, length })
@@ -64,7 +64,7 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
 pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sampler) -> Option<Connection> {
     let choice = sampler.next_1d();
     let d = context.lights.sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
-    let at_z = z.bsdf.evaluate(z.wo, d.wi, Mode::Radiance);
+    let at_z = z.bsdf.evaluate_from(&z.out, d.wi, Mode::Radiance);
     let unweighted = z.throughput * at_z.f * z.cos(d.wi) * d.radiance / d.pdf_w;
     let refused = z.overhang.is_some_and(|o| o.refuses(&d));
     if refused || unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
@@ -82,7 +82,7 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
     // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
     (end.direct > 0.0).then(|| {
         let others = others_of_next_event(h, z, &end, &at_z);
-        let length = flight::of_direct(context, &z.stamp, &z.bsdf, z.wo, z.position, (d.wi, d.distance));
+        let length = flight::of_direct(context, &z.stamp, &z.bsdf, z.out.wo, z.position, (d.wi, d.distance));
         Connection { unweighted, others, point: Some(d.point), wi: d.wi, length }
     })
 }
@@ -98,20 +98,20 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     if !wi.is_finite() {
         return None;
     }
-    let at_z = z.bsdf.evaluate(z.wo, wi, Mode::Radiance);
+    let at_z = z.bsdf.evaluate_from(&z.out, wi, Mode::Radiance);
     if at_z.f == Vec3::ZERO {
         return None;
     }
-    let at_y = y.bsdf.evaluate(y.wo, -wi, Mode::Importance);
+    let at_y = y.bsdf.evaluate_from(&y.out, -wi, Mode::Importance);
     let unweighted = y.throughput * at_y.f * y.cos(-wi) * at_z.f * z.cos(wi) * z.throughput / distance2;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, z.position, z.n_geometric, y.position, y.n_geometric)
     {
         return None;
     }
     let length = if context.timing.is_some() {
-        let index = z.stamp.index * z.bsdf.index_ratio(z.wo, wi);
-        let near = z.stamp.onward(&z.bsdf, z.wo, wi, distance2.sqrt());
-        near + y.stamp.of_light(&y.bsdf, y.wo, -wi, index)
+        let index = z.stamp.index * z.bsdf.index_ratio(z.out.wo, wi);
+        let near = z.stamp.onward(&z.bsdf, z.out.wo, wi, distance2.sqrt());
+        near + y.stamp.of_light(&y.bsdf, y.out.wo, -wi, index)
     } else {
         0.0
     };
@@ -129,7 +129,7 @@ pub fn lens(
     sampler: &mut Sampler,
 ) -> Option<(Connection, CameraConnection)> {
     let c = context.camera.connect(y.position, sampler.next_2d(), sampler.next_2d())?;
-    let at_y = y.bsdf.evaluate(y.wo, -c.dir, Mode::Importance);
+    let at_y = y.bsdf.evaluate_from(&y.out, -c.dir, Mode::Importance);
     let unweighted = y.throughput * at_y.f * y.cos(-c.dir) * c.importance;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO) {
         return None;
@@ -137,7 +137,7 @@ pub fn lens(
     let others = others_of_lens(h, y, c.lens, &at_y, c.pdf_w);
     let length = context.timing.map_or(0.0, |timing| {
         let last = if timing.camera { timing.medium * c.distance } else { 0.0 };
-        f64::from(emitted) + f64::from(last) + y.stamp.of_light(&y.bsdf, y.wo, -c.dir, timing.medium)
+        f64::from(emitted) + f64::from(last) + y.stamp.of_light(&y.bsdf, y.out.wo, -c.dir, timing.medium)
     });
     Some((Connection { unweighted, others, point: None, wi: c.dir, length }, c))
 }

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::weights::{Chain, LightEnd, Link};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Mode};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
 use crate::transport::flight::{Chance, Flight, Stamp};
 use crate::transport::integrator::Context;
 use crate::transport::light::{EmissionSample, LightPoint};
@@ -24,8 +24,8 @@ pub struct Vertex {
     pub n_geometric: Vec3,
     /// Unit shading normal on the same side.
     pub n_shading: Vec3,
-    /// Unit direction to the vertex before.
-    pub wo: Vec3,
+    /// The direction to the vertex before, with what the BSDF knows of it.
+    pub out: Outgoing,
     /// Position of the vertex before; meaningless for a light without a place.
     pub previous: Vec3,
     /// Unit normal of the vertex before; zero for a point of the lens or of an overhang.
@@ -241,18 +241,17 @@ fn walk(
         if over.is_some_and(|o| !o.reaches(surface.position)) {
             return None;
         }
-        let mut v = edge.arrive(context, h, &surface, mode, throughput)?;
+        let (chain, back) = edge.meet(context, h, surface.position, surface.n_geometric)?;
+        path.push(edge.arrive(context, &surface, mode, throughput, chain, back));
+        let v = path.last_mut()?;
         v.stamp = going.flight.stamp();
         let ends = v.emitter != NONE && !surface.material.emitter_reflects;
         if ends || count == max_edges {
             v.connectible &= !ends;
-            path.push(v);
             return None;
         }
-        let next = v.depart(h, mode, &surface, count, &mut roulette, going.sampler);
+        departure = v.depart(h, mode, &surface, count, &mut roulette, going.sampler)?;
         going.flight.leave(v.position, v.eta);
-        path.push(v);
-        departure = next?;
         over = surface.overhang_into(departure.ray.dir);
     }
     None
@@ -300,25 +299,25 @@ impl Edge {
         Chain::new(h, self.link, self.pdf_w * spread)
     }
 
-    /// The vertex where the edge meets a surface; `None` where rounding leaves it without a density.
+    /// The vertex where the edge meets a surface, with what [`Edge::meet`] says of it.
     #[inline]
     fn arrive(
         &self,
         context: &Context,
-        h: Heuristic,
         surface: &Surface,
         mode: Mode,
         throughput: Vec3,
-    ) -> Option<Vertex> {
+        chain: Chain,
+        back: f32,
+    ) -> Vertex {
         let wo = -self.dir;
-        let (chain, back) = self.meet(context, h, surface.position, surface.n_geometric)?;
         let bsdf = Bsdf::new(surface, &context.scene.textures);
         let emitted = if mode == Mode::Radiance { surface.emitted(&context.scene.textures, wo) } else { Vec3::ZERO };
-        Some(Vertex {
+        Vertex {
             position: surface.position,
             n_geometric: surface.n_geometric,
             n_shading: surface.n_shading,
-            wo,
+            out: bsdf.outgoing(wo),
             previous: self.from,
             n_previous: self.origin.normal(),
             back,
@@ -333,7 +332,7 @@ impl Edge {
             delta: false,
             eta: 1.0,
             stamp: Stamp::default(),
-        })
+        }
     }
 }
 
@@ -364,7 +363,7 @@ impl Vertex {
     #[inline]
     pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32, reverse_pdf_w: f32) -> Edge {
         let (pdf_w, before) = if self.delta {
-            let (out, back) = (wi.dot(self.n_geometric).abs(), self.wo.dot(self.n_geometric).abs());
+            let (out, back) = (wi.dot(self.n_geometric).abs(), self.out.wo.dot(self.n_geometric).abs());
             let (out, back) = match mode {
                 Mode::Radiance => (out, back / (self.eta * self.eta)),
                 Mode::Importance => (out * self.eta * self.eta, back),
@@ -394,7 +393,7 @@ impl Vertex {
     ) -> Option<Departure> {
         let choice = sampler.next_1d();
         let (BsdfSample { wi, weight, pdf_w, delta, eta }, reverse) =
-            self.bsdf.sample_with_reverse(self.wo, choice, sampler.next_2d(), mode)?;
+            self.bsdf.sample_with_reverse(&self.out, choice, sampler.next_2d(), mode)?;
         (self.delta, self.eta) = (delta, eta);
         // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
         let eta2 = if mode == Mode::Radiance { eta * eta } else { 1.0 };
