@@ -21,7 +21,7 @@ use crate::film::{Film, Image};
 use crate::output::{exr, layer, plot, png, time};
 use crate::render::OpenStats;
 use crate::scene::desc::content_hash;
-use crate::store::{FILMS, HALVES, NOISE, RunWriter, Store, StoreError, utc};
+use crate::store::{FILMS, HALVES, Host, NOISE, RunWriter, Store, StoreError, utc};
 
 /// What wrote the files.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -453,6 +453,7 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "metrics": metrics,
         "seed": facts.seed,
         "device": facts.device,
+        "processor": Host::here().cpu,
         "accel_build_s": open.accel_build_s,
         "accel_nodes": open.accel_nodes,
         "scene_hash": facts.scene_hash,

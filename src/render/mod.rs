@@ -3,6 +3,7 @@
 //! This room knows no integrator by name: a [`Job`] carries a row of
 //! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
 
+pub mod choice;
 pub mod cpu;
 pub mod halves;
 pub mod mock;
@@ -210,11 +211,25 @@ pub const BACKENDS: &[BackendRow] = &[
 /// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
 /// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.
 pub fn automatic() -> (&'static str, String) {
+    if let Some(name) = choice::auto() {
+        return (name, "it meant that when the plan was frozen".to_owned());
+    }
     #[cfg(feature = "vulkan")]
     let found = vulkan::automatic();
     #[cfg(not(feature = "vulkan"))]
     let found: Result<(&'static str, String), String> = Err("this program was built without Vulkan".to_owned());
     found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
+}
+
+/// Names the one device of this machine that a backend renders on, for programs: its place among those of its kind, or
+/// nothing for the processor.
+pub fn device_place(backend: &str) -> String {
+    #[cfg(feature = "vulkan")]
+    if let Some(place) = vulkan::place(backend) {
+        return place;
+    }
+    let _ = backend;
+    String::new()
 }
 
 /// The row that `name` means; `auto` is that of [`automatic`].

@@ -41,6 +41,8 @@ type Edited = (Arc<SceneDesc>, [u8; 32]);
 /// What was found so far, so that ten thousand cells cost one reading of each file and one probe of each backend.
 pub(super) struct Resolver<'a> {
     load: &'a mut LoadScene<'a>,
+    /// Whether others render it, so that backends are not asked whether they can.
+    elsewhere: bool,
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
@@ -50,9 +52,10 @@ pub(super) struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    pub(super) fn new(load: &'a mut LoadScene<'a>) -> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>, elsewhere: bool) -> Resolver<'a> {
         Resolver {
             load,
+            elsewhere,
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
@@ -160,7 +163,9 @@ impl<'a> Resolver<'a> {
             name: name.to_owned(),
             help: help(name, render::BACKENDS.iter().map(|row| row.name).chain(["auto"])),
         })?;
-        if let Err(reason) = (row.probe)() {
+        if !self.elsewhere
+            && let Err(reason) = (row.probe)()
+        {
             return Err(PlanError::UnusableBackend { point: describe(point), name: row.name.to_owned(), reason });
         }
         self.backends.insert(name.to_owned(), row.name);

@@ -79,6 +79,12 @@ fn probe(kind: Kind) -> Result<String, String> {
     }
 }
 
+/// The place of the device that one of these backends renders on in the list of devices; `None` for other backends.
+pub fn place(backend: &str) -> Option<String> {
+    Kind::ALL.iter().find(|kind| kind.backend() == backend)?;
+    device::choose().ok().map(|device| device.index.to_string())
+}
+
 /// The backend that suits this machine's device, and why; where none does, why not.
 pub fn automatic() -> Result<(&'static str, String), String> {
     let device = device::choose().map_err(|e| e.to_string())?;
