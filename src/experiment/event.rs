@@ -9,6 +9,7 @@ use super::floors::{Floors, HalfImages};
 use super::plan::Plan;
 use super::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::OpenStats;
 
@@ -144,6 +145,8 @@ pub enum Event {
         film: Option<Arc<Film>>,
         /// The images of the layers that it was asked for; empty unless it is done.
         layers: Arc<Vec<LayerImage>>,
+        /// Its light by time, if it was asked for; none unless it is done.
+        times: Option<Arc<TimeCube>>,
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,
     },

@@ -16,9 +16,11 @@ use std::sync::Arc;
 
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
+use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
+use crate::transport::flight::Timing;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
@@ -40,6 +42,8 @@ pub struct Job {
     pub filter: FilterSpec,
     /// The layers to fill besides the picture; none cost nothing.
     pub layers: Vec<Layer>,
+    /// The time axis of the film; without one nothing is counted, and nothing is paid.
+    pub timing: Option<Timing>,
     /// Where the numbers of samples come from.
     pub sampler: &'static SamplerRow,
     /// Seed of every random number of the run.
@@ -140,6 +144,11 @@ pub trait Renderer: Send {
         None
     }
 
+    /// The light of every pixel by its time, if the job has a time axis.
+    fn times(&self) -> Option<TimeCube> {
+        None
+    }
+
     /// Writes all that another renderer of the same job needs to go on to the same bits, and says whether it did: a
     /// backend that cannot writes nothing, and what is cut off starts again.
     ///
@@ -175,6 +184,9 @@ pub struct BackendRow {
     pub probe: fn() -> Result<String, String>,
     /// Whether it can fill layers. If not, a plan that asks it for some is refused.
     pub layers: bool,
+    /// Whether it counts the time of light and knows composed materials. If not, a plan that asks it for a film with a time
+    /// axis, or for a scene with such materials, is refused.
+    pub times: bool,
     /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
     pub models: &'static [Model],
     /// Why it cannot carry out an integrator, if it cannot: a plan that asks for it is refused with these words. Must not

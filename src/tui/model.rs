@@ -108,7 +108,7 @@ impl Model {
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
             Event::Halves { .. } | Event::Agreement { .. } => {}
-            Event::CellFinished { cell, outcome, film: _, layers, rows } => {
+            Event::CellFinished { cell, outcome, film: _, layers, times: _, rows } => {
                 self.finish(*cell, outcome, rows.last(), at_s);
                 self.layers(*cell, layers);
             }

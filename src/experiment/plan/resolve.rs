@@ -9,6 +9,7 @@ use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
+use crate::film::time;
 use crate::render::{self, BackendRow};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
@@ -78,11 +79,16 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene));
+        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene, &config));
         if let Some(reason) = refused {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
-        Self::films(&config, u64::from(width) * u64::from(height), max_depth)
+        let pixels = u64::from(width) * u64::from(height);
+        Self::films(&config, pixels, max_depth)
+            .and_then(|()| match &config.timing {
+                Some(timing) => time::bytes(&timing.axis, pixels, row.splats).map(drop),
+                None => Ok(()),
+            })
             .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
@@ -129,6 +135,7 @@ impl<'a> Resolver<'a> {
             edit::apply(changed, &config.set)
                 .map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         }
+        desc::delay::check(&scene).map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         let hash = desc::content_hash(&scene);
         self.edited.insert(key, (Arc::clone(&scene), hash));
         Ok((scene, hash))
@@ -189,7 +196,17 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
 }
 
 /// Why a backend cannot render this, if it cannot.
-fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc) -> Option<String> {
+fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc, config: &CellConfig) -> Option<String> {
+    if !backend.times {
+        if config.timing.is_some() {
+            return Some(
+                "it does not count the time of light: leave out `film.time`, or render it on `cpu`".to_owned(),
+            );
+        }
+        if let Some(m) = scene.materials.iter().find(|m| !m.parts.is_empty()) {
+            return Some(format!("it has no composed materials, as `{}` is", m.name));
+        }
+    }
     let strange = scene.materials.iter().find(|m| !backend.models.contains(&m.model));
     let model =
         |m: &desc::MaterialDesc| format!("it has no materials of the model `{}`, as `{}` is", m.model.word(), m.name);

@@ -219,8 +219,8 @@ impl<'a, 's> Night<'a, 's> {
         let Ended { outcome, rows, floors, layers, .. } = ended;
         let rows = Arc::new(rows);
         if let Outcome::Cached(_) = outcome {
-            let event =
-                Event::CellFinished { cell, outcome: outcome.clone(), film: None, layers, rows: Arc::clone(&rows) };
+            let (outcome, rows) = (outcome.clone(), Arc::clone(&rows));
+            let event = Event::CellFinished { cell, outcome, film: None, layers, times: None, rows };
             // It is recorded already.
             let _ = self.emit(&event);
         }
@@ -459,7 +459,7 @@ impl<'a, 's> Night<'a, 's> {
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
     fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, layers, rows, floors, halves: _ } = ended;
+        let Ended { mut outcome, film, layers, times, rows, floors, halves: _ } = ended;
         if let Outcome::Done(_) = outcome
             && !self.history.holds(self.plan, cell)
         {
@@ -469,7 +469,8 @@ impl<'a, 's> Night<'a, 's> {
             outcome = Outcome::Interrupted;
         }
         let rows = Arc::new(rows);
-        let event = Event::CellFinished { cell, outcome: outcome.clone(), film, layers, rows: Arc::clone(&rows) };
+        let event =
+            Event::CellFinished { cell, outcome: outcome.clone(), film, layers, times, rows: Arc::clone(&rows) };
         if let Err(reason) = self.emit(&event) {
             let reason = format!("it could not be recorded: {reason}");
             // The sink that failed may fail again; the others still hear of it, and the summary has the reason.

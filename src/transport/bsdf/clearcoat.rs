@@ -57,7 +57,8 @@ impl Clearcoat {
     /// their half vector.
     #[inline]
     pub fn eval(&self, cos_o: f32, cos_i: f32, h: &Half, cos_d: f32) -> f32 {
-        let masking = |cos: f32| MASKING.masking_at(cos, MASKING.alpha[0] * MASKING.alpha[1] * (1.0 - cos * cos).max(0.0));
+        let masking =
+            |cos: f32| MASKING.masking_at(cos, MASKING.alpha[0] * MASKING.alpha[1] * (1.0 - cos * cos).max(0.0));
         0.25 * self.reflectance(cos_d) * self.d(h) * masking(cos_o) * masking(cos_i)
     }
 
