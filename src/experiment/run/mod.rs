@@ -16,7 +16,7 @@ mod cell;
 mod checkpoint;
 mod floors;
 mod night;
-mod patience;
+pub mod patience;
 mod smoke;
 mod waves;
 
