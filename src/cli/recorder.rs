@@ -105,7 +105,8 @@ impl<'a> Recorder<'a> {
         let facts = self.facts(cell, open);
         let fields = json!({
             "run": facts.run, "path": self.path(cell), "device": open.device,
-            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes,
+            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes, "accel_bytes": open.accel_bytes,
+            "accel_cost": open.accel_cost,
         });
         self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
         self.tell("cell_started", &fields);
@@ -420,6 +421,8 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "device": facts.device,
         "accel_build_s": open.accel_build_s,
         "accel_nodes": open.accel_nodes,
+        "accel_bytes": open.accel_bytes,
+        "accel_cost": open.accel_cost,
         "scene_hash": facts.scene_hash,
         "program": PROGRAM,
         "finished": utc(SystemTime::now()),

@@ -32,6 +32,7 @@ pub const ROW: BackendRow = BackendRow {
     layers: false,
     models: &Model::ALL,
     refuses: |_| None,
+    accel: true,
     open: |scene, job| {
         if !job.layers.is_empty() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
@@ -162,6 +163,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::render::hierarchy::AccelSpec;
     use crate::scene::desc::{CameraDesc, Optics};
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
@@ -172,6 +174,7 @@ mod tests {
             content_hash: [7; 32],
             triangles: Vec::new(),
             attributes: Vec::new(),
+            instances: Default::default(),
             spheres: Vec::new(),
             materials: Vec::new(),
             textures: Vec::new(),
@@ -205,6 +208,7 @@ mod tests {
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             layers: Vec::new(),
             sampler: INDEPENDENT,
+            accel: AccelSpec::default(),
             seed,
             threads: 1,
         }

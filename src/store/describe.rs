@@ -140,6 +140,7 @@ fn config_json(config: &CellConfig) -> Json {
         "aa": { "filter": kind, "radius": config.filter.radius },
         "films": config.films.iter().map(|layer| layer.row().name).collect::<Vec<_>>(),
         "sampler": config.sampler,
+        "accel": Value::Map(config.accel.identity()).to_json(),
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,
     })

@@ -18,6 +18,8 @@ pub struct Hit {
     pub t: f32,
     /// Primitive id: triangles first, spheres after them.
     pub primitive: u32,
+    /// The copy of a shared mesh whose triangle it is, or [`NONE`](crate::scene::compile::NONE).
+    pub instance: u32,
     /// Barycentric weights of the second and third corner; zero for spheres.
     pub uv: [f32; 2],
 }

@@ -75,7 +75,7 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene));
+        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene, &config));
         if let Some(reason) = refused {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
@@ -184,7 +184,10 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
 }
 
 /// Why a backend cannot render this, if it cannot.
-fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc) -> Option<String> {
+fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc, config: &CellConfig) -> Option<String> {
+    if !backend.accel && !config.accel.identity().is_empty() {
+        return Some(format!("its hierarchy is not built by `{}`: `accel` is for the CPU", config.accel.describe()));
+    }
     let strange = scene.materials.iter().find(|m| !backend.models.contains(&m.model));
     let model =
         |m: &desc::MaterialDesc| format!("it has no materials of the model `{}`, as `{}` is", m.model.word(), m.name);

@@ -2,14 +2,13 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
 use super::waves::Waves;
-use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::standing::Standing;
@@ -17,8 +16,9 @@ use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
-use crate::render::{Job, Renderer, WaveStats};
-use crate::scene::{CompiledScene, SceneDesc, compile};
+use crate::render::{Job, OpenStats, Renderer, WaveStats};
+use crate::scene::compile::compile_sharing;
+use crate::scene::{CompiledScene, SceneDesc};
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 
@@ -49,11 +49,14 @@ pub(super) struct Ended {
     pub(super) halves: Option<[Arc<Film>; 2]>,
     /// The noise floors of what it was measured against.
     pub(super) floors: Floors,
+    /// What opening it cost.
+    pub(super) open: OpenStats,
 }
 
 impl Ended {
-    pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), rows, ..Ended::failed(String::new()) }
+    pub(super) fn cached(run: FinishedRun) -> Ended {
+        let FinishedRun { folder, rows, floors, open } = run;
+        Ended { outcome: Outcome::Cached(folder), rows, floors, open, ..Ended::failed(String::new()) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
@@ -64,6 +67,7 @@ impl Ended {
             rows: Vec::new(),
             halves: None,
             floors: Floors::default(),
+            open: OpenStats::default(),
         }
     }
 }
@@ -115,7 +119,8 @@ impl Night<'_, '_> {
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
         let halves = finished.and_then(|r| r.halves());
-        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
+        let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
+        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default(), open }
     }
 
     fn render(&mut self, work: &Work<'_>, progress: &mut Progress, anew: bool) -> Result<Next, String> {
@@ -213,16 +218,19 @@ impl Night<'_, '_> {
 
     /// The compiled form of a scene. The last one is kept, for cells that differ in technique, depth or seed alone.
     pub(super) fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
-        if let Some((desc, compiled)) = &self.compiled
+        let sharing = work.config.accel.instances;
+        if let Some((desc, before, compiled)) = &self.compiled
             && Arc::ptr_eq(desc, work.scene)
+            && *before == sharing
         {
             return Ok(Arc::clone(compiled));
         }
         // Dropped first: two large scenes need not fit into memory at once.
         self.compiled = None;
-        let (compiled, notes) = guard("compiling the scene", || compile(work.scene))?.map_err(|e| e.to_string())?;
+        let (compiled, notes) =
+            guard("compiling the scene", || compile_sharing(work.scene, sharing))?.map_err(|e| e.to_string())?;
         let compiled = Arc::new(compiled);
-        self.compiled = Some((Arc::clone(work.scene), Arc::clone(&compiled)));
+        self.compiled = Some((Arc::clone(work.scene), sharing, Arc::clone(&compiled)));
         for note in notes {
             if self.told.insert(note.clone()) {
                 self.say(Level::Warn, work.cell, note.to_string())?;
@@ -243,6 +251,7 @@ impl Night<'_, '_> {
             filter: config.filter,
             layers: config.films.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
+            accel: config.accel,
             seed: 0,
             threads: self.options.threads,
         };

@@ -4,12 +4,16 @@
 //! the sums of films beside the main one, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
+mod build;
+mod compressed;
+mod copies;
 mod intersect;
 pub mod lanes;
 mod layers;
 pub mod rates;
 pub mod renderer;
 mod traverse;
+mod wide;
 
 use super::BackendRow;
 use crate::scene::desc::Model;
@@ -25,5 +29,6 @@ pub const ROW: BackendRow = BackendRow {
     layers: true,
     models: &Model::ALL,
     refuses: |_| None,
+    accel: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
 };

@@ -37,6 +37,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     layers: true,
     models: upload::MODELS,
     refuses,
+    accel: false,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Pipeline, &scene, &job)?)),
 };
 
@@ -48,6 +49,7 @@ pub const QUERY: BackendRow = BackendRow {
     layers: true,
     models: upload::MODELS,
     refuses,
+    accel: false,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Query, &scene, &job)?)),
 };
 
@@ -59,6 +61,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     layers: true,
     models: upload::MODELS,
     refuses,
+    accel: false,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Compute, &scene, &job)?)),
 };
 
