@@ -88,6 +88,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             films: Vec::new(),
             accel: Default::default(),
+            timing: None,
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),

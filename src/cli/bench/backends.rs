@@ -79,6 +79,7 @@ fn one(
         rr_start: None,
         filter: FilterSpec::PIXEL,
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed: 1,

@@ -66,6 +66,7 @@ pub fn measure(
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed: 1,

@@ -94,6 +94,7 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         rr_start: setting.rr_start,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed: setting.seed,

@@ -83,13 +83,14 @@ pub(super) fn picture(
         ("sampler", sampler),
         ("backend", config.backend.as_str().into()),
     ];
-    // Left out where there are none, so that runs without layers keep the ids they had before layers existed.
+    // Left out where there are none, so that runs without layers and bins keep the ids they had before these existed.
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
+    let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
     // Left out where it is as by default, for the same reason. It changes no picture, but what a run measures.
     let accel = config.accel.identity();
     let accel = (!accel.is_empty()).then_some(("accel", Value::Map(accel)));
-    fields.into_iter().chain(films).chain(accel).map(|(key, value)| (key.to_owned(), value)).collect()
+    fields.into_iter().chain(films).chain(film).chain(accel).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end.

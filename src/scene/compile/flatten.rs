@@ -47,7 +47,7 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
 pub fn compile_sharing(desc: &SceneDesc, sharing: Sharing) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
-    let (rows, textures) = materials::rows(desc, &mut notes)?;
+    let (rows, textures, delays) = materials::rows(desc, &mut notes)?;
     let unbound = lights::compile(desc, &mut notes)?;
     let mut scene = CompiledScene {
         content_hash: content_hash(desc),
@@ -57,6 +57,7 @@ pub fn compile_sharing(desc: &SceneDesc, sharing: Sharing) -> Result<(CompiledSc
         tangents: Vec::new(),
         spheres: Vec::new(),
         materials: rows,
+        delays,
         textures,
         emitters: Vec::new(),
         points: unbound.points,
@@ -214,7 +215,7 @@ fn add_mesh(scene: &mut CompiledScene, part: &Part, names: &mut Names) -> Result
         });
         scene.triangles.push(points);
     }
-    let uses = scene.attributes[first..].iter().any(|a| scene.materials[a.material as usize].uses_tangents());
+    let uses = scene.attributes[first..].iter().any(|a| scene.uses_tangents(a.material));
     tangents::add(scene, first, uses, !mesh.uvs.is_empty());
     note_dropped(dropped, part, &mut names.notes);
     Ok(())

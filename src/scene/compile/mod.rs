@@ -1,6 +1,7 @@
 //! From a description to the flat arrays that a backend renders.
 
 mod bounds;
+mod delays;
 mod flatten;
 mod instance;
 mod lights;
@@ -11,6 +12,7 @@ mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
 
+pub use delays::{DelayParam, DelayProfile, Delays, Part};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
 pub use instance::{Instance, Instances, SharedMesh};
 pub use lights::{DirectionalLight, Environment, PointLight};
@@ -18,7 +20,7 @@ pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{Distribution, MaskMode, Model};
+pub use super::desc::{DelayKind, Distribution, MaskMode, Model};
 pub use materials::diffuse_reflectance;
 pub use share::{SHARED_FROM, Sharing};
 
@@ -45,6 +47,8 @@ pub struct CompiledScene {
     pub spheres: Vec<Sphere>,
     /// Material rows; primitives index them.
     pub materials: Vec<Material>,
+    /// What material rows are composed of, and when they give light back.
+    pub delays: Delays,
     /// Textures; material rows index them.
     pub textures: Vec<Texture>,
     /// Emissive primitives: triangles in the world in order of their id, those of each copy in turn, then spheres.
@@ -209,6 +213,12 @@ impl Material {
 }
 
 impl CompiledScene {
+    /// Whether shading a material row, or a part of it, needs tangents.
+    pub fn uses_tangents(&self, material: u32) -> bool {
+        let uses = |row: u32| self.materials[row as usize].uses_tangents();
+        uses(material) || self.delays.parts(material).iter().any(|part| uses(part.material))
+    }
+
     /// Number of primitives that are kept, those of a shared mesh once: see [`CompiledScene::flattened_count`].
     pub fn primitive_count(&self) -> usize {
         self.triangles.len() + self.spheres.len()

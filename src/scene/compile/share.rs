@@ -63,7 +63,7 @@ impl Part<'_> {
             mesh: self.mesh.content_hash,
             mirrors: self.mirrors(),
             shines: self.rows.iter().map(|row| scene.materials[*row as usize].emission != Vec3::ZERO).collect(),
-            tangents: self.rows.iter().any(|row| scene.materials[*row as usize].uses_tangents()),
+            tangents: self.rows.iter().any(|row| scene.uses_tangents(*row)),
         }
     }
 
