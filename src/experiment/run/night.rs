@@ -220,8 +220,8 @@ impl<'a, 's> Night<'a, 's> {
         let Ended { outcome, rows, floors, layers, open, .. } = ended;
         let rows = Arc::new(rows);
         if let Outcome::Cached(_) = outcome {
-            let event =
-                Event::CellFinished { cell, outcome: outcome.clone(), film: None, layers, rows: Arc::clone(&rows) };
+            let (outcome, rows) = (outcome.clone(), Arc::clone(&rows));
+            let event = Event::CellFinished { cell, outcome, film: None, layers, times: None, rows };
             // It is recorded already.
             let _ = self.emit(&event);
         }
