@@ -2,6 +2,7 @@
 
 pub mod discovery;
 pub mod distribution;
+pub mod elementary;
 pub mod frame;
 pub mod rng;
 pub mod stats;
