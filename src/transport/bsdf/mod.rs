@@ -306,6 +306,22 @@ impl Bsdf {
         }
     }
 
+    /// Ratio of the index of the medium on the side of `wi` to that on the side of `wo`: 1 where both are on one side, and
+    /// where there is no inside.
+    #[inline]
+    pub fn index_ratio(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let o = wo.dot(self.frame.n);
+        if o * wi.dot(self.frame.n) >= 0.0 {
+            return 1.0;
+        }
+        let inside = match &self.kind {
+            Kind::Ideal(k) => k.ior,
+            Kind::Disney(k) => k.ior,
+            Kind::Interface(k) => k.index_inside(),
+        };
+        if o > 0.0 { inside } else { 1.0 / inside }
+    }
+
     /// Whether any lobe has a density, so that a connection to a light can carry something.
     #[inline]
     pub fn has_density(&self) -> bool {

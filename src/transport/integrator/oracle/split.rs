@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use super::Path;
 use crate::scene::compile::NONE;
 use crate::transport::bsdf::Mode;
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::subpath::{Edge, Vertex};
 use crate::transport::integrator::bdpt::weights::{
@@ -124,5 +125,6 @@ fn vertex(
         chain,
         delta: at.dirac.is_some(),
         eta: at.dirac.map_or(1.0, crossed),
+        stamp: Stamp::default(),
     })
 }
