@@ -110,6 +110,16 @@ impl Accel {
             } else {
                 let node = &self.nodes[current as usize];
                 let (mut met, near) = slabs.meet(&node.bounds, best.limit);
+                if ANY && met != 0 {
+                    // Any order will do.
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize % LANES;
+                        met &= met - 1;
+                        stack.push(node.child[lane], 0.0);
+                    }
+                    current = stack.pop_top();
+                    continue;
+                }
                 if met != 0 {
                     // The nearest child is next; the others wait, farthest first.
                     let first = met.trailing_zeros() as usize % LANES;
