@@ -21,7 +21,7 @@ x:render(function(p)
     integrator = "nee",
     resolution = { p.size, p.size },
     set = { ["materials.hare.delay"] = "constant", ["materials.hare.delay_constant"] = p.c },
-    film = { time = { start = 4, bin = 0.05, bins = 160, metres = 1 } },
+    film = { time = { start = 3.5, bin = 0.05, bins = 170, metres = 1 } },
   }
 end)
 

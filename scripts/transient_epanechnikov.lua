@@ -22,7 +22,7 @@ x:render(function(p)
       ["materials.hare.delay_mean"] = p.mu,
       ["materials.hare.delay_width"] = p.sigma,
     },
-    film = { time = { start = 4, bin = 0.05, bins = 160, metres = 1 } },
+    film = { time = { start = 3.5, bin = 0.05, bins = 170, metres = 1 } },
   }
 end)
 

@@ -18,7 +18,7 @@ x:render(function(p)
     integrator = "nee",
     max_depth = 4,
     resolution = { p.width, p.width * 9 // 16 },
-    film = { time = { start = 20, bin = 0.5, bins = 160, metres = 1 } },
+    film = { time = { start = 52, bin = 0.4, bins = 150, metres = 1 } },
   }
 end)
 

@@ -50,14 +50,21 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
     assert_eq!(of("bsdf-1").delay.kind, DelayKind::Constant);
     let late = of("late");
     assert_eq!((late.delay.kind, late.delay.mean, late.delay.width), (DelayKind::Epanechnikov, [2.0, 0.0], [0.5, 0.0]));
-    assert_eq!((late.parts.as_slice(), late.weights.as_slice()), (["Chlorophyll".to_owned()].as_slice(), [1.0].as_slice()));
+    assert_eq!(
+        (late.parts.as_slice(), late.weights.as_slice()),
+        (["Chlorophyll".to_owned()].as_slice(), [1.0].as_slice())
+    );
     let (scene, _) = compile(&desc).unwrap();
     let row = desc.material_row("late").unwrap() as u32;
     let parts = scene.delays.parts(row);
     assert!(parts.len() == 2 && parts.iter().all(|p| scene.delays.profiles(p).len() == 2));
 
     for (from, to, says) in [
-        ("ConstantTP\" name=\"tp\"><float name=\"delay\" value=\"3\"", "SlowTP\" name=\"tp\"><float name=\"delay\" value=\"3\"", "ConstantTP"),
+        (
+            "ConstantTP\" name=\"tp\"><float name=\"delay\" value=\"3\"",
+            "SlowTP\" name=\"tp\"><float name=\"delay\" value=\"3\"",
+            "ConstantTP",
+        ),
         ("name=\"mean\"", "name=\"middle\"", "needs `mean`"),
     ] {
         let error = read(&XML.replace(from, to)).unwrap_err().to_string();
@@ -78,13 +85,11 @@ fn lua(body: &str) -> Result<SceneDesc, String> {
 
 #[test]
 fn scenes_in_lua_say_them_by_keys() {
-    let desc = lua(
-        r#"
+    let desc = lua(r#"
         local ramp = texture.paint { size = { 4, 4 }, color = function(u) return u end }
         s:material("a", { delay = "exponential", delay_rate = 3, delay_rate_texture = ramp, delay_rate_offset = 0.5 })
         s:material("b", { delay = "table", delay_table = { 0, 1, 2, 0 } })
-        s:material("m", { parts = { "a", "b" }, weights = { 0.25, 0.75 } })"#,
-    )
+        s:material("m", { parts = { "a", "b" }, weights = { 0.25, 0.75 } })"#)
     .unwrap();
     let (scene, _) = compile(&desc).unwrap();
     let row = desc.material_row("m").unwrap() as u32;
@@ -97,11 +102,9 @@ fn scenes_in_lua_say_them_by_keys() {
     assert!((texel - 0.875).abs() < 3e-3, "{texel}");
     assert!((b.table.as_ref().unwrap().mean() - 2.0 / 3.0).abs() < 1e-6);
     // A rate of zero where the texture is black, if nothing is added.
-    let black = lua(
-        r#"
+    let black = lua(r#"
         local half = texture.paint { size = { 2, 1 }, color = function(u) return u > 0.5 and 1 or 0 end }
-        s:material("m", { delay = "exponential", delay_rate = 3, delay_rate_texture = half })"#,
-    );
+        s:material("m", { delay = "exponential", delay_rate = 3, delay_rate_texture = half })"#);
     let error = compile(&black.unwrap()).unwrap_err().to_string();
     assert!(error.contains("materials.m.delay_rate") && error.contains("positive"), "{error}");
     let error = lua(r#"s:material("m", { delay = "slow" })"#).unwrap_err();
