@@ -197,6 +197,9 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
 
 /// Why a backend cannot render this, if it cannot.
 fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc, config: &CellConfig) -> Option<String> {
+    if !backend.accel && !config.accel.identity().is_empty() {
+        return Some(format!("its hierarchy is not built by `{}`: `accel` is for the CPU", config.accel.describe()));
+    }
     if !backend.times {
         if config.timing.is_some() {
             return Some(

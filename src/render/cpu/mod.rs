@@ -4,6 +4,9 @@
 //! the sums of films beside the main one, `times` those of films with a time axis, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
+mod build;
+mod compressed;
+mod copies;
 mod intersect;
 pub mod lanes;
 mod layers;
@@ -11,6 +14,7 @@ pub mod rates;
 pub mod renderer;
 mod times;
 mod traverse;
+mod wide;
 
 use super::BackendRow;
 use crate::scene::desc::Model;
@@ -27,5 +31,6 @@ pub const ROW: BackendRow = BackendRow {
     times: true,
     models: &Model::ALL,
     refuses: |_| None,
+    accel: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
 };

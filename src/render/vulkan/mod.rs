@@ -38,6 +38,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     times: false,
     models: upload::MODELS,
     refuses,
+    accel: false,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Pipeline, &scene, &job)?)),
 };
 
@@ -50,6 +51,7 @@ pub const QUERY: BackendRow = BackendRow {
     times: false,
     models: upload::MODELS,
     refuses,
+    accel: false,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Query, &scene, &job)?)),
 };
 
@@ -62,6 +64,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     times: false,
     models: upload::MODELS,
     refuses,
+    accel: false,
     open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Compute, &scene, &job)?)),
 };
 
