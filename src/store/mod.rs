@@ -30,9 +30,11 @@ mod journal;
 mod layout;
 mod list;
 mod outline;
+mod paces;
 pub mod rows;
 mod run;
 mod seal;
+mod sums;
 mod tail;
 #[cfg(test)]
 mod tests;
@@ -49,6 +51,7 @@ pub use failure::{FailureRecord, LOG_LINES};
 pub use follow::{Follower, Seen, Sight};
 pub use host::{Host, seconds_of, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
+pub use paces::archived_paces;
 pub use run::{FILMS, HALVES, NOISE, RunWriter};
 pub use write::{atomic, probe};
 

@@ -24,6 +24,7 @@ use std::time::{Duration, SystemTime};
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
 use super::floors::Floors;
+use super::forecast::Paces;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
 use crate::render::{Job, RenderError, Renderer, backend};
@@ -111,6 +112,8 @@ pub struct Options {
     pub deadline: Option<SystemTime>,
     /// The cells and references to carry out, where it is not all of them.
     pub only: Option<BTreeSet<CellRef>>,
+    /// How fast runs of earlier nights were, for the forecast.
+    pub paces: Paces,
 }
 
 impl From<usize> for Options {
