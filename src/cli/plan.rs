@@ -11,7 +11,7 @@ use super::exit::{Exit, Failure, data};
 use super::load::{self, decode, shown};
 use super::run::counted;
 use super::text;
-use crate::experiment::event::History;
+use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::floors;
 use crate::experiment::forecast::{Forecast, Kind, Pace, Paces, forecast};
 use crate::experiment::plan::{Estimate, ReferenceSource, unreachable};
@@ -29,7 +29,8 @@ pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
 pub(super) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit, Failure> {
     let archive = Archive::new(&global.out, decode);
     let found = |cell: CellRef| archive.done(plan, cell).map(|run| shown(&run.folder));
-    let cells: Vec<Option<String>> = (0..plan.cells.len()).map(|i| found(CellRef::Cell(i))).collect();
+    let runs: Vec<Option<FinishedRun>> = (0..plan.cells.len()).map(|i| archive.done(plan, CellRef::Cell(i))).collect();
+    let cells: Vec<Option<String>> = runs.iter().map(|run| run.as_ref().map(|run| shown(&run.folder))).collect();
     let references: Vec<Option<String>> = (0..plan.references.len()).map(|i| found(CellRef::Reference(i))).collect();
     let estimate = plan.estimate(&|cell| match cell {
         CellRef::Cell(i) => cells[i].is_none(),
@@ -37,7 +38,7 @@ pub(super) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit,
     });
     let reach = out_of_reach(plan, &archive);
     let begun: Vec<Option<u64>> = (0..plan.references.len()).map(|i| archive.begun(plan, i)).collect();
-    let left = forecast(plan, &paces(plan, &archive, &global.out), &|cell| match cell {
+    let left = forecast(plan, &paces(plan, &runs, &global.out), &|cell| match cell {
         CellRef::Cell(i) => cells[i].is_none(),
         CellRef::Reference(i) => references[i].is_none(),
     });
@@ -69,11 +70,10 @@ struct Ahead {
 }
 
 /// How fast the runs were that are there: those of this plan, and those of all other nights.
-fn paces(plan: &Plan, archive: &Archive, out: &Path) -> Paces {
+fn paces(plan: &Plan, runs: &[Option<FinishedRun>], out: &Path) -> Paces {
     let mut paces = archived_paces(out);
-    for (i, cell) in plan.cells.iter().enumerate() {
-        let done = archive.done(plan, CellRef::Cell(i));
-        if let Some(pace) = done.and_then(|run| Pace::of(run.rows.last()?, &cell.stop)) {
+    for (cell, run) in plan.cells.iter().zip(runs) {
+        if let Some(pace) = run.as_ref().and_then(|run| Pace::of(run.rows.last()?, &cell.stop)) {
             paces.learn(Kind::of(&cell.config), pace);
         }
     }
@@ -229,7 +229,7 @@ fn in_words(estimate: &Estimate) -> String {
         parts.push(format!("{} without a limit of time or samples", counted(estimate.unbounded, "run")));
     }
     if estimate.layer_bytes > 0 {
-        parts.push(format!("layers take up to {} of memory", text::size(estimate.layer_bytes)));
+        parts.push(format!("layers and bins take up to {} of memory", text::size(estimate.layer_bytes)));
     }
     if parts.is_empty() { "nothing to render".to_owned() } else { parts.join("; ") }
 }

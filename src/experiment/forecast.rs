@@ -239,6 +239,7 @@ mod tests {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             films: Vec::new(),
+            timing: None,
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "cpu".to_owned(),

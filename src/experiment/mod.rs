@@ -9,6 +9,7 @@ pub mod event;
 pub mod evidence;
 pub mod floors;
 pub mod forecast;
+pub mod groups;
 pub mod outline;
 pub mod plan;
 pub mod run;

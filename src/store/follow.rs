@@ -1,4 +1,5 @@
-//! Following a night from outside, by its files alone: the journal, the measurements of the run at hand, its pictures.
+//! Following a night from outside, by its files alone: the journals, the measurements of the run at hand, its pictures,
+//! and the heartbeats of workers.
 //!
 //! Nothing is locked and nothing is written, so a folder can be followed while it grows, after its end, from another
 //! process, or on another machine to which it was copied. Whether a run is done is whether its last file is there, as
@@ -8,11 +9,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value as Json;
 
 use super::archive::{Decode, read_json};
+use super::crew::{Doing, Worker, crew};
+use super::journals::Journals;
 use super::tail::Tail;
 use super::{FILMS, StoreError, layout, list, outline, rows, seconds_of};
 use crate::experiment::event::Level;
@@ -37,6 +40,13 @@ pub enum Seen {
         /// The image that it is measured against, if it is there.
         reference: Option<Arc<Image>>,
     },
+    /// A run renders beside the one that is shown.
+    Underway {
+        /// Which.
+        cell: CellRef,
+    },
+    /// The workers of the night, all of them, when one or more were looked at.
+    Crew(Vec<Worker>),
     /// It was measured; metrics are in the order of the outline.
     Measured {
         /// Which.
@@ -97,6 +107,9 @@ pub struct Sight {
     pub seen: Seen,
 }
 
+/// How often workers are looked at.
+const ROLL_CALL: Duration = Duration::from_secs(2);
+
 /// The run at hand.
 #[derive(Debug)]
 struct Run {
@@ -124,7 +137,14 @@ pub struct Follower {
     cells: Vec<(PathBuf, Option<usize>)>,
     /// The folder of every reference, or the file that it is.
     references: Vec<PathBuf>,
-    journal: Tail,
+    journals: Journals,
+    /// Runs that started and have not ended, by their ids, with the line that said so.
+    underway: BTreeMap<String, Json>,
+    /// Whether a night has begun and not ended.
+    goes_on: bool,
+    /// When workers were looked at, and those that were found to be lost.
+    called: Option<Instant>,
+    lost: BTreeSet<String>,
     /// When the first look came, everything that is there has to be told.
     fresh: bool,
     /// The runs at hand, oldest first: several where they take turns, and the last one that ended.
@@ -176,7 +196,7 @@ impl Follower {
                 None => shelf,
             });
         }
-        let journal = Tail::new(folder.join("journal.jsonl"));
+        let journals = Journals::new(&folder);
         let outline = Arc::new(outline);
         Ok(Follower {
             out,
@@ -185,7 +205,11 @@ impl Follower {
             ids,
             cells,
             references,
-            journal,
+            journals,
+            underway: BTreeMap::new(),
+            goes_on: false,
+            called: None,
+            lost: BTreeSet::new(),
             fresh: true,
             runs: Vec::new(),
             recent: None,
@@ -207,15 +231,15 @@ impl Follower {
     pub fn news_at(&self) -> Option<SystemTime> {
         let written = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
         let runs = self.runs.iter().filter_map(|run| written(run.metrics.path()));
-        written(self.journal.path()).max(runs.max())
+        self.journals.written().max(runs.max())
     }
 
     /// What happened since the last look, oldest first. The first look tells everything that is there.
     pub fn look(&mut self) -> Vec<Sight> {
         let mut sights = Vec::new();
-        let news = self.journal.look();
+        let news = self.journals.look();
         let fresh = std::mem::take(&mut self.fresh) || news.anew;
-        let lines: Vec<Json> = news.text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        let lines = news.lines;
         // Only runs that have not ended, and the newest, are worth their rows and pictures: those of a whole night would be
         // read to be thrown away.
         let live = live(&lines);
@@ -225,8 +249,53 @@ impl Follower {
         for (i, line) in lines.iter().enumerate() {
             self.journal_line(line, live.contains(&i), fresh, &mut sights);
         }
+        self.roll_call(&mut sights);
+        if self.journals.has_workers()
+            && self.runs.iter().all(|run| !run.running)
+            && let Some(line) = self.underway.values().next().cloned()
+        {
+            self.show(&line, &mut sights);
+        }
         self.runs_at_hand(&mut sights);
         sights
+    }
+
+    /// Looks at the workers from time to time. What a lost one rendered is open again.
+    fn roll_call(&mut self, sights: &mut Vec<Sight>) {
+        if !self.journals.has_workers() || self.called.is_some_and(|at| at.elapsed() < ROLL_CALL) {
+            return;
+        }
+        self.called = Some(Instant::now());
+        let workers = crew(&self.folder);
+        let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        for worker in workers.iter().filter(|worker| worker.is_lost()) {
+            let Doing::Rendering { run, .. } = &worker.doing else { continue };
+            if !self.lost.insert(worker.name.clone()) || self.underway.remove(run).is_none() {
+                continue;
+            }
+            for cell in self.ids.get(run).cloned().unwrap_or_default() {
+                if let Some(run) = self.runs.iter_mut().find(|run| run.cell == cell) {
+                    run.running = false;
+                }
+                if !self.is_done(cell) {
+                    let ended = Seen::Ended { cell, outcome: Outcome::Interrupted, last: None };
+                    sights.push(Sight { at_s, seen: ended });
+                }
+            }
+        }
+        sights.push(Sight { at_s, seen: Seen::Crew(workers) });
+    }
+
+    /// Shows a run that started, and those that still render.
+    fn show(&mut self, line: &Json, sights: &mut Vec<Sight>) {
+        let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
+        let id = line["run"].as_str().unwrap_or_default();
+        if let Some(cell) = self.ids.get(id).and_then(|cells| cells.first()).copied() {
+            let (seen, run) = self.start(cell, line);
+            self.runs.retain(|other| other.running && other.cell != cell);
+            self.runs.push(run);
+            sights.push(Sight { at_s, seen });
+        }
     }
 
     fn journal_line(&mut self, line: &Json, live: bool, fresh: bool, sights: &mut Vec<Sight>) {
@@ -235,18 +304,32 @@ impl Follower {
         let which = self.ids.get(id).cloned().unwrap_or_default();
         let mut see = |seen| sights.push(Sight { at_s, seen });
         match line["event"].as_str().unwrap_or_default() {
-            "night_started" => see(Seen::Began),
-            "night_finished" => see(Seen::Over),
+            "night_started" => {
+                self.goes_on = true;
+                self.underway.clear();
+                see(Seen::Began);
+            }
+            "worker_started" if !self.goes_on => {
+                self.goes_on = true;
+                see(Seen::Began);
+            }
+            "night_finished" | "night_closed" => {
+                self.goes_on = false;
+                see(Seen::Over);
+            }
             "forecast" => see(Seen::Foretold(foretold(line))),
-            "cell_started" if live => {
-                if let Some(cell) = which.first() {
-                    let (sight, run) = self.start(*cell, line);
-                    self.runs.retain(|other| other.running && other.cell != *cell);
-                    self.runs.push(run);
-                    sights.push(Sight { at_s, seen: sight });
+            "cell_started" => {
+                self.underway.insert(id.to_owned(), line.clone());
+                // Where many render at once, the one that is shown stays until it ends.
+                let busy = self.journals.has_workers() && self.runs.iter().any(|run| run.running);
+                if live && !busy {
+                    self.show(line, sights);
+                } else if self.journals.has_workers() {
+                    which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
                 }
             }
             "cell_finished" => {
+                self.underway.remove(id);
                 if let Some(run) = self.runs.iter_mut().find(|run| which.contains(&run.cell)) {
                     run.running = false;
                     // What was measured last is told before the end is.

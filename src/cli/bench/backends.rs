@@ -78,6 +78,7 @@ fn one(
         rr_start: None,
         filter: FilterSpec::PIXEL,
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         seed: 1,
         threads: 0,

@@ -16,6 +16,7 @@ use crate::experiment::spec::{CellConfig, Snapshots, Warmup};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
 use crate::render::{Job, Renderer, WaveStats};
@@ -49,6 +50,7 @@ pub(super) struct Ended {
     pub(super) outcome: Outcome,
     pub(super) film: Option<Arc<Film>>,
     pub(super) layers: Arc<Vec<LayerImage>>,
+    pub(super) times: Option<Arc<TimeCube>>,
     pub(super) rows: Vec<WaveRow>,
     /// Where it is a reference that is done.
     pub(super) halves: Option<[Arc<Film>; 2]>,
@@ -66,6 +68,7 @@ impl Ended {
             outcome: Outcome::Failed(reason),
             film: None,
             layers: Arc::default(),
+            times: None,
             rows: Vec::new(),
             halves: None,
             floors: Floors::default(),
@@ -176,8 +179,9 @@ impl<'a> Night<'a, '_> {
         // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
+        let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
-        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
+        Ended { outcome, film, layers, times, rows: progress.standing.rows, halves, floors: Floors::default() }
     }
 
     /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`.
@@ -382,6 +386,7 @@ impl<'a> Night<'a, '_> {
             rr_start: config.rr_start,
             filter: config.filter,
             layers: config.films.clone(),
+            timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             seed: 0,
             threads: self.options.threads,
