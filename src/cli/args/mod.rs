@@ -10,7 +10,7 @@ use clap::{Args, Parser, Subcommand};
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
 pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 
-use crate::experiment::spec::Deadline;
+use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
 use crate::value::Value;
 
@@ -412,6 +412,9 @@ pub struct VerifyArgs {
     /// With --kill: processes that work on each night at once
     #[arg(long, value_name = "N", default_value_t = 1, requires = "kill", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub processes: u32,
+    /// With --kill: the order of the cells of each night
+    #[arg(long, value_name = "ORDER", default_value = Order::NAMES[0], requires = "kill", value_parser = Order::NAMES)]
+    pub order: String,
     /// Seed of all random numbers; each seed repeats to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

@@ -1,7 +1,5 @@
 //! How a night that can only wait for others waits: a thousand of them must not wear out the folder that they share.
 
-use crate::experiment::event::CellRef;
-
 /// Runs of others that one look takes in, once there was nothing else to do.
 pub const LOOKS: usize = 8;
 /// Most moments between two looks.
@@ -39,7 +37,7 @@ impl Patience {
     }
 
     /// Of what others work on, what is looked at next, and the rest.
-    pub(super) fn window(&self, mut all: Vec<CellRef>) -> (Vec<CellRef>, Vec<CellRef>) {
+    pub(super) fn window<T>(&self, mut all: Vec<T>) -> (Vec<T>, Vec<T>) {
         if self.waited == 0 {
             return (all, Vec::new());
         }
@@ -51,6 +49,7 @@ impl Patience {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::event::CellRef;
 
     #[test]
     fn looks_become_rarer_up_to_half_a_minute() {
