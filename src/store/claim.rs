@@ -44,8 +44,8 @@ pub(super) struct Claims {
     /// and again costs the file system little.
     alive: Mutex<BTreeMap<PathBuf, (SystemTime, Instant)>>,
     locks: bool,
-    /// Whether take-overs are told.
-    speaks: bool,
+    /// Whether they are kept alive, and time passes for them as it does for everybody.
+    attended: bool,
     /// Dropping it ends the heartbeat.
     _end: SyncSender<()>,
 }
@@ -79,7 +79,7 @@ impl Claims {
             held: Arc::default(),
             alive: Mutex::default(),
             locks: false,
-            speaks: false,
+            attended: false,
             _end: end,
         }
     }
@@ -100,7 +100,7 @@ impl Claims {
         if let Err(e) = std::thread::Builder::new().name("claims".to_owned()).spawn(beat) {
             tracing::warn!("claims are not kept alive for other machines: {e}");
         }
-        Claims { owner, held, alive: Mutex::default(), locks, speaks: true, _end: end }
+        Claims { owner, held, alive: Mutex::default(), locks, attended: true, _end: end }
     }
 
     /// Whose claims they are.
@@ -182,7 +182,7 @@ impl Claims {
         }
         match self.create(folder, path, text)? {
             Some(file) => {
-                if self.speaks {
+                if self.attended {
                     tracing::info!("taking over what {whose} left: nothing was heard of it for {} s", LEASE.as_secs());
                 }
                 Ok(Found::Taken(file))
@@ -210,7 +210,8 @@ impl Claims {
     fn lease_has_ended(&self, file: &File, path: &Path) -> io::Result<bool> {
         let written = file.metadata()?.modified()?;
         let mut alive = lock(&self.alive);
-        if alive.get(path).is_some_and(|(then, asked)| *then != written || asked.elapsed() < HEARTBEAT) {
+        let recent = |(then, asked): &(SystemTime, Instant)| *then != written || asked.elapsed() < HEARTBEAT;
+        if self.attended && alive.get(path).is_some_and(recent) {
             if let Some((then, _)) = alive.get_mut(path) {
                 *then = written;
             }

@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use super::StoreError;
 use super::claim::{self, Claims, HEARTBEAT, LEASE};
@@ -143,6 +143,9 @@ struct Stage {
 const CLAIM: u64 = 6;
 /// Of a run that is finished: its last file, its mark, its claim given back.
 const FINISH: u64 = 9;
+
+/// Longer than any rehearsal.
+const FAR: Duration = Duration::from_secs(86_400);
 
 /// Rehearses a night below a folder.
 ///
@@ -291,6 +294,12 @@ impl Stage {
         if ours && done.is_file() {
             claims.release(&place);
             ours = false;
+        }
+        if ours {
+            // Its lease ends when the virtual clock says so, however long the rehearsal takes.
+            let file = File::options().write(true).open(place.join(claim::FILE));
+            let kept = file.and_then(|file| file.set_modified(SystemTime::now() + FAR));
+            kept.map_err(|e| StoreError::io("claim", &place, &e))?;
         }
         self.found.got += usize::from(ours);
         self.found.real_s += start.elapsed().as_secs_f64();
