@@ -138,7 +138,8 @@ impl Todo {
 
     fn nothing(&self, plan: &Plan, folder: &Path) -> String {
         if plan.cells.is_empty() {
-            return "nothing to do: every point of the sweep is skipped".to_owned();
+            let absent = plan.absent().into_iter().map(|(reason, _)| format!("; {reason}")).collect::<String>();
+            return format!("nothing to do: every point of the sweep is skipped{absent}");
         }
         format!(
             "nothing to do: all {} and {} were done in {}",
@@ -251,7 +252,7 @@ fn say_backends(plan: &Plan) {
     });
     let names: BTreeSet<&String> = plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
     let (auto, because) = render::automatic();
-    for name in names {
+    for name in names.into_iter().filter(|name| *name != render::external::BACKEND) {
         let device = render::backend(name).map(|row| (row.probe)());
         let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
         let why = if auto == name.as_str() { format!("; what auto means here: {because}") } else { String::new() };

@@ -114,6 +114,7 @@ fn sample(plan: &Plan, value: &TableValue, rows: &[WaveRow]) -> Option<Sample> {
         TableValue::Samples => Sample::Value(last.samples as f64),
         TableValue::RenderS => Sample::Value(last.render_s),
         TableValue::MpathsPerS => Sample::Value(last.mpaths_per_s()),
+        TableValue::Fps => Sample::Value(last.fps()),
         TableValue::TimeTo { column, threshold } => {
             let (index, metric) = labels::column(plan, column)?;
             last.metrics.get(index)?;
@@ -151,6 +152,7 @@ fn short_name(plan: &Plan, value: &TableValue) -> String {
         TableValue::Samples => "samples per pixel".to_owned(),
         TableValue::RenderS => "render time (s)".to_owned(),
         TableValue::MpathsPerS => "Mpaths/s".to_owned(),
+        TableValue::Fps => "FPS (1/s)".to_owned(),
         TableValue::TimeTo { .. } => "time to reach it (s)".to_owned(),
     }
 }
@@ -177,6 +179,7 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
         TableValue::Samples => "Samples per pixel at the end".to_owned(),
         TableValue::RenderS => "Render time at the end in seconds".to_owned(),
         TableValue::MpathsPerS => "Million camera paths per second of render time".to_owned(),
+        TableValue::Fps => "Frames per second of render time (a frame is one sample of every pixel)".to_owned(),
         TableValue::TimeTo { column, threshold } => match labels::column(plan, column) {
             Some((_, m)) => {
                 let sign = match m.row.better {
@@ -200,6 +203,10 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
             n => format!("{n} runs have not finished and are left out."),
         });
     }
+    sentences.extend(plan.absent().iter().map(|(reason, count)| match count {
+        1 => format!("1 point is left out: {reason}."),
+        _ => format!("{count} points are left out: {reason}."),
+    }));
     sentences.extend(long_names(plan, spec));
     sentences.join(" ")
 }
@@ -397,6 +404,10 @@ mod tests {
         assert_eq!(value(TableValue::Samples), Entry::Mean(2.0));
         assert_eq!(value(TableValue::RenderS), Entry::Mean(4.0));
         assert_eq!(value(TableValue::MpathsPerS), Entry::Mean(1.0));
+        let Entry::Mean(fps) = value(TableValue::Fps) else { panic!() };
+        let Entry::Mean(samples) = value(TableValue::Samples) else { panic!() };
+        let Entry::Mean(seconds) = value(TableValue::RenderS) else { panic!() };
+        assert!((fps - samples / seconds).abs() < 1e-9 * fps, "{fps}");
         assert!(matches!(value(TableValue::Metric("rmse".to_owned())), Entry::Mean(x) if x.is_nan()));
         assert_eq!(value(TableValue::Metric("nothing".to_owned())), Entry::Empty);
     }

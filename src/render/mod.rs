@@ -4,6 +4,7 @@
 //! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
 
 pub mod cpu;
+pub mod external;
 pub mod halves;
 pub mod mock;
 #[cfg(feature = "vulkan")]

@@ -29,7 +29,7 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
     })?;
     let out = folder.parent().unwrap_or(folder);
     let name = text(&plan["name"]);
-    let mut notes = Vec::new();
+    let mut notes = absent(&plan);
     let mut reader = Reader { folder, elsewhere: elsewhere(out, &name), notes: &mut notes, metrics: Vec::new() };
     let runs: Vec<Run> = list(&plan["cells"]).iter().map(|cell| reader.run(cell)).collect();
     let metrics = std::mem::take(&mut reader.metrics);
@@ -46,6 +46,23 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
         references,
         notes,
     })
+}
+
+/// What the machine lacked for points that were left out, each reason once.
+fn absent(plan: &Json) -> Vec<String> {
+    let mut reasons: Vec<(String, usize)> = Vec::new();
+    for skipped in list(&plan["skipped"]).iter().filter(|s| s["absent"] == true) {
+        let reason = text(&skipped["reason"]);
+        match reasons.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, count)) => *count += 1,
+            None => reasons.push((reason, 1)),
+        }
+    }
+    let words = |(reason, count): (String, usize)| match count {
+        1 => format!("1 point of the sweep is left out: {reason}"),
+        _ => format!("{count} points of the sweep are left out: {reason}"),
+    };
+    reasons.into_iter().map(words).collect()
 }
 
 /// The folders of finished runs of all nights with this name, by run.

@@ -9,8 +9,9 @@ use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
-use crate::render::{self, BackendRow};
+use crate::render::{self, BackendRow, external};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
+use crate::transport::integrator::external::{EXTERNALS, is_external};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use crate::value::Value;
@@ -43,6 +44,8 @@ pub(super) struct Resolver<'a> {
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
+    /// Versions of other programs by what they are asked with, or why they are not here.
+    peers: BTreeMap<[u8; 32], Result<String, String>>,
     reference_files: BTreeMap<PathBuf, (RunId, Value)>,
     /// What the scene files say that could not be honoured.
     pub(super) notes: BTreeSet<Note>,
@@ -55,6 +58,7 @@ impl<'a> Resolver<'a> {
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
+            peers: BTreeMap::new(),
             reference_files: BTreeMap::new(),
             notes: BTreeSet::new(),
         }
@@ -64,7 +68,11 @@ impl<'a> Resolver<'a> {
     pub(super) fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
         let sampler = sampler_row(&config.sampler, point)?;
-        config.backend = self.backend(&config.backend, point)?.to_owned();
+        let peer = if is_external(row) { Some(self.peer(row, &config, point)?) } else { None };
+        config.backend = match peer {
+            Some(_) => external::BACKEND.to_owned(),
+            None => self.backend(&config.backend, point)?.to_owned(),
+        };
         let (scene, hash) = self.scene(&config, point)?;
         let resolution = config.resolution.unwrap_or(scene.resolution);
         let [width, height] = resolution;
@@ -83,8 +91,20 @@ impl<'a> Resolver<'a> {
             .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
-        let picture = identity::picture(&config, row, sampler, &hash);
+        let mut picture = identity::picture(&config, row, sampler, &hash);
+        picture.extend(peer.map(|version| ("peer".to_owned(), Value::Str(version))));
         Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
+    }
+
+    /// The version of the program that carries a technique out.
+    fn peer(&mut self, row: &'static IntegratorRow, config: &CellConfig, point: &Point) -> Result<String, PlanError> {
+        let films = !config.films.is_empty();
+        if let Some(reason) = external::refusal(config.filter, &config.sampler, films, config.rr_start) {
+            let (backend, reason) = (row.name.to_owned(), reason.to_owned());
+            return Err(PlanError::Refused { point: describe(point), backend, reason });
+        }
+        let known = self.peers.entry(hash_of(&config.params)).or_insert_with(|| external::probe(&config.params));
+        known.clone().map_err(|reason| PlanError::Absent { technique: row.name, reason })
     }
 
     /// Whether the backend fills layers and there is room for them.
@@ -165,7 +185,7 @@ fn integrator_row(name: &str, point: &Point) -> Result<&'static IntegratorRow, P
     integrator(name).ok_or_else(|| PlanError::UnknownIntegrator {
         point: describe(point),
         name: name.to_owned(),
-        help: help(name, INTEGRATORS.iter().map(|row| row.name)),
+        help: help(name, INTEGRATORS.iter().chain(EXTERNALS).map(|row| row.name)),
     })
 }
 

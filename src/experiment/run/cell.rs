@@ -16,9 +16,11 @@ use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
+use crate::metrics::gauge::Gauge;
 use crate::render::halves::Halves;
-use crate::render::{Job, Renderer, WaveStats};
+use crate::render::{Job, Renderer, WaveStats, external};
 use crate::scene::{CompiledScene, SceneDesc, compile};
+use crate::transport::integrator::external::is_external;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 
@@ -135,6 +137,9 @@ impl Night<'_, '_> {
             self.say(level, work.cell, text)?;
         }
         let plan = self.plan;
+        let metrics = &plan.measure.metrics;
+        let truth = work.reference.as_ref();
+        let gauge = guard("measuring", || truth.map(|truth| Gauge::new(metrics, Arc::clone(truth))))?;
         let columns = plan.columns();
         let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
         if resumed.goes_on {
@@ -175,7 +180,7 @@ impl Night<'_, '_> {
             let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned()) };
             let measuring = Instant::now();
             let image = Arc::new(renderer.film().mean());
-            let metrics = self.measure(&image, work.reference.as_deref())?;
+            let metrics = gauge.as_ref().map_or(Ok(Vec::new()), |gauge| measure(gauge, &image))?;
             let measure_s = measuring.elapsed().as_secs_f64();
             let before_s = progress.standing.rows.last().map_or(0.0, |row| row.measure_s);
             let measured_s = before_s + measure_s;
@@ -248,22 +253,17 @@ impl Night<'_, '_> {
         };
         let open = |seed: u64| {
             let job = Job { seed, ..job.clone() };
-            guard("opening the backend", || (self.seams.open)(&config.backend, Arc::clone(&scene), job))?
-                .map_err(|e| e.to_string())
+            let open = || match is_external(job.integrator) {
+                true => external::open(work.scene, &job),
+                false => (self.seams.open)(&config.backend, Arc::clone(&scene), job.clone()),
+            };
+            guard("opening the backend", open)?.map_err(|e| e.to_string())
         };
         match work.seeds {
             [seed] => open(*seed),
             [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
             _ => Err("a run has one seed, or those of two halves".to_owned()),
         }
-    }
-
-    /// The metrics of a picture in the order of the plan's columns; none without a reference.
-    fn measure(&self, image: &Image, reference: Option<&Image>) -> Result<Vec<f64>, String> {
-        let Some(reference) = reference else { return Ok(Vec::new()) };
-        let metrics = self.plan.measure.metrics.iter();
-        let values = guard("measuring", || metrics.map(|m| m.eval(image, reference)).collect::<Result<_, _>>())?;
-        values.map_err(|e| e.to_string())
     }
 
     /// Does what the user wants before the next samples, and waits while the night is paused.
@@ -290,6 +290,11 @@ impl Night<'_, '_> {
             (self.seams.wait)();
         }
     }
+}
+
+/// The metrics of a picture in the order of the plan's columns.
+fn measure(gauge: &Gauge, image: &Image) -> Result<Vec<f64>, String> {
+    guard("measuring", || gauge.eval(image))?.map_err(|e| e.to_string())
 }
 
 pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {

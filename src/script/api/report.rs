@@ -19,8 +19,12 @@ use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 const MAX_REPORTS: usize = 64;
 
 /// Values of a table that need no metric.
-const PLAIN_VALUES: &[(&str, TableValue)] =
-    &[("samples", TableValue::Samples), ("render_s", TableValue::RenderS), ("mpaths_s", TableValue::MpathsPerS)];
+const PLAIN_VALUES: &[(&str, TableValue)] = &[
+    ("samples", TableValue::Samples),
+    ("render_s", TableValue::RenderS),
+    ("mpaths_s", TableValue::MpathsPerS),
+    ("fps", TableValue::Fps),
+];
 
 /// The options of `x:figure`.
 pub const FIGURE: Table = Table {
@@ -68,7 +72,8 @@ pub const TABLE: Table = Table {
             ty: Ty::Object("string|TimeTo"),
             required: true,
             default: "",
-            doc: "a metric column (its final value), `samples`, `render_s`, `mpaths_s`, or time_to(column, threshold)",
+            doc: "a metric column (its final value), `samples`, `render_s`, `mpaths_s`, `fps` (samples of every pixel \
+                  per second of render time), or time_to(column, threshold)",
         },
         Field {
             key: "rows",
@@ -285,7 +290,7 @@ pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
             match &table.value {
                 TableValue::Metric(name) => column(name, &columns, &plain, &at("value"), "value")?,
                 TableValue::TimeTo { column: name, .. } => column(name, &columns, &[], &at("value"), "value")?,
-                TableValue::Samples | TableValue::RenderS | TableValue::MpathsPerS => {}
+                TableValue::Samples | TableValue::RenderS | TableValue::MpathsPerS | TableValue::Fps => {}
             }
             table.rows.iter().try_for_each(|name| axis(name, &axes, &at("rows"), "rows"))?;
             table.cols.iter().try_for_each(|name| axis(name, &axes, &at("cols"), "cols"))?;
