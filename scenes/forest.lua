@@ -1,7 +1,8 @@
 -- A glade: trees whose leaves are cut out by masks, all copies of three, on a rolling floor with grass.
 --
 -- For the forest of the third source (figure 6.8), whose leaves give light back late, and for questions about instances:
--- `trees` says how many. Every leaf has the material `leaf`, every needle of grass `grass`.
+-- `trees` says how many: from some hundred on they are kept once for rendering too, and ten thousand take little more
+-- memory than one. Every leaf has the material `leaf`, every needle of grass `grass`.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local count = s:option("trees", 60)

@@ -87,6 +87,8 @@ pub struct Run {
     pub resolution: Option<[u32; 2]>,
     /// The device that rendered it, if it is finished.
     pub device: Option<String>,
+    /// The other program that rendered it, with its version, if another did.
+    pub peer: Option<String>,
     /// How far it is.
     pub state: State,
     /// Its measurements, oldest first.
@@ -99,6 +101,8 @@ pub struct Run {
     pub films: Vec<String>,
     /// Seconds spent building acceleration structures, and their nodes.
     pub accel: Option<(f64, u64)>,
+    /// Their bytes and cost by the surface area heuristic, where the run says them.
+    pub accel_size: Option<(u64, f64)>,
     /// What the true picture would measure against its reference because of the reference's own noise, by column; empty
     /// if unknown.
     pub floors: Vec<(String, f64)>,

@@ -30,9 +30,14 @@ pub const ROW: BackendRow = BackendRow {
     probe: || Ok("a fake clock of 10 million paths per second".into()),
     // It knows neither paths nor surfaces.
     layers: false,
+    times: false,
     models: &Model::ALL,
     refuses: |_| None,
+    accel: true,
     open: |scene, job| {
+        if job.timing.is_some() {
+            return Err(RenderError::Unsupported { backend: "mock", reason: "it counts no time".into() });
+        }
         if !job.layers.is_empty() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
         }
@@ -162,6 +167,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::render::hierarchy::AccelSpec;
     use crate::scene::desc::{CameraDesc, Optics};
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
@@ -172,8 +178,10 @@ mod tests {
             content_hash: [7; 32],
             triangles: Vec::new(),
             attributes: Vec::new(),
+            instances: Default::default(),
             spheres: Vec::new(),
             materials: Vec::new(),
+            delays: Default::default(),
             textures: Vec::new(),
             emitters: Vec::new(),
             points: Vec::new(),
@@ -204,7 +212,9 @@ mod tests {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             layers: Vec::new(),
+            timing: None,
             sampler: INDEPENDENT,
+            accel: AccelSpec::default(),
             seed,
             threads: 1,
         }

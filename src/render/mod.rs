@@ -3,9 +3,11 @@
 //! This room knows no integrator by name: a [`Job`] carries a row of
 //! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
 
+pub mod choice;
 pub mod cpu;
 pub mod external;
 pub mod halves;
+pub mod hierarchy;
 pub mod mock;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
@@ -14,11 +16,14 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
+use self::hierarchy::AccelSpec;
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
+use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
+use crate::transport::flight::Timing;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
@@ -40,8 +45,13 @@ pub struct Job {
     pub filter: FilterSpec,
     /// The layers to fill besides the picture; none cost nothing.
     pub layers: Vec<Layer>,
+    /// The time axis of the film; without one nothing is counted, and nothing is paid.
+    pub timing: Option<Timing>,
     /// Where the numbers of samples come from.
     pub sampler: &'static SamplerRow,
+    /// How the hierarchy is built through which rays are traced, where the backend builds one itself. Never changes the
+    /// picture.
+    pub accel: AccelSpec,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
@@ -88,6 +98,11 @@ pub struct OpenStats {
     pub accel_build_s: f64,
     /// Their number of nodes.
     pub accel_nodes: u64,
+    /// Bytes of nodes and primitives as traversal reads them; 0 if that is not known.
+    pub accel_bytes: u64,
+    /// What a ray costs that meets the scene's box, by the surface area heuristic: the nodes that it visits plus the
+    /// primitives that it is tested with; 0 if that is not known.
+    pub accel_cost: f64,
     /// A line for people: device, builder, threads.
     pub device: String,
 }
@@ -140,6 +155,11 @@ pub trait Renderer: Send {
         None
     }
 
+    /// The light of every pixel by its time, if the job has a time axis.
+    fn times(&self) -> Option<TimeCube> {
+        None
+    }
+
     /// Writes all that another renderer of the same job needs to go on to the same bits, and says whether it did: a
     /// backend that cannot writes nothing, and what is cut off starts again.
     ///
@@ -175,11 +195,17 @@ pub struct BackendRow {
     pub probe: fn() -> Result<String, String>,
     /// Whether it can fill layers. If not, a plan that asks it for some is refused.
     pub layers: bool,
+    /// Whether it counts the time of light and knows composed materials. If not, a plan that asks it for a film with a time
+    /// axis, or for a scene with such materials, is refused.
+    pub times: bool,
     /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
     pub models: &'static [Model],
     /// Why it cannot carry out an integrator, if it cannot: a plan that asks for it is refused with these words. Must not
     /// touch a device.
     pub refuses: fn(&IntegratorRow) -> Option<String>,
+    /// Whether it builds its hierarchy as a run's `accel` says. If not, a plan that asks it for anything but the default is
+    /// refused.
+    pub accel: bool,
     /// Starts a run.
     pub open: OpenFn,
 }
@@ -199,11 +225,25 @@ pub const BACKENDS: &[BackendRow] = &[
 /// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
 /// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.
 pub fn automatic() -> (&'static str, String) {
+    if let Some(name) = choice::auto() {
+        return (name, "it meant that when the plan was frozen".to_owned());
+    }
     #[cfg(feature = "vulkan")]
     let found = vulkan::automatic();
     #[cfg(not(feature = "vulkan"))]
     let found: Result<(&'static str, String), String> = Err("this program was built without Vulkan".to_owned());
     found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
+}
+
+/// Names the one device of this machine that a backend renders on, for programs: its place among those of its kind, or
+/// nothing for the processor.
+pub fn device_place(backend: &str) -> String {
+    #[cfg(feature = "vulkan")]
+    if let Some(place) = vulkan::place(backend) {
+        return place;
+    }
+    let _ = backend;
+    String::new()
 }
 
 /// The row that `name` means; `auto` is that of [`automatic`].

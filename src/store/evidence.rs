@@ -48,6 +48,12 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
     })
 }
 
+/// The other program behind a technique as it called itself: the last part of its device.
+fn peer(integrator: &str, done: &Json) -> Option<String> {
+    let device = done["device"].as_str().filter(|_| integrator.starts_with("external:"))?;
+    device.rsplit_once(", ").map(|(_, program)| program.to_owned())
+}
+
 /// What the machine lacked for points that were left out, each reason once.
 fn absent(plan: &Json) -> Vec<String> {
     let mut reasons: Vec<(String, usize)> = Vec::new();
@@ -116,8 +122,10 @@ impl Reader<'_> {
             integrator: text(&cell["integrator"]),
             scene: render["scene"].as_str().map(str::to_owned).unwrap_or_default(),
             resolution: side(0).zip(side(1)).map(|(w, h)| [w, h]),
-            device: done.as_ref().and_then(|done| done["device"].as_str()).map(str::to_owned),
+            device: done.as_ref().and_then(device),
+            peer: done.as_ref().and_then(|done| peer(&text(&cell["integrator"]), done)),
             accel: done.as_ref().and_then(|d| Some((d["accel_build_s"].as_f64()?, d["accel_nodes"].as_u64()?))),
+            accel_size: done.as_ref().and_then(|d| Some((d["accel_bytes"].as_u64()?, d["accel_cost"].as_f64()?))),
             reference: cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok()),
             pictures: pictures(&folder, done.as_ref()),
             films: films.unwrap_or_default(),
@@ -174,6 +182,17 @@ impl Reader<'_> {
                 ..row
             })
             .collect()
+    }
+}
+
+/// What a run was rendered on. The `cpu` backend only says how many threads it had: which processor that was, the run
+/// says too, since workers of one night may have several.
+fn device(done: &Json) -> Option<String> {
+    let device = done["device"].as_str()?;
+    let threads = device.strip_prefix("cpu, ").and_then(|rest| rest.split(',').find(|part| part.contains("thread")));
+    match (threads, done["processor"].as_str()) {
+        (Some(threads), Some(processor)) if !processor.is_empty() => Some(format!("{processor}, {}", threads.trim())),
+        _ => Some(device.to_owned()),
     }
 }
 

@@ -39,6 +39,8 @@ fn picture(desc: &SceneDesc) -> Image {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
+        accel: Default::default(),
         sampler: INDEPENDENT,
         seed: 7,
         threads: 0,

@@ -1,11 +1,13 @@
 //! What can be typed.
 
+mod cluster;
 mod evidence;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
 pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs};
 
 use crate::experiment::spec::Deadline;
@@ -96,6 +98,16 @@ pub enum Verb {
     /// `lumbre run` tries failed cells again too, along with everything else that is not done. `lumbre retry --failed`
     /// tries nothing else.
     Retry(RetryArgs),
+    /// Take part in a night whose plan is frozen: one worker, on any machine that sees its folder
+    ///
+    /// `lumbre run` and `lumbre submit` leave the plan in the folder of their night. A worker makes it again from there,
+    /// refuses when anything in it changed, takes cells that nobody works on, and leaves when all is done. Any number may
+    /// come and go; what one leaves unfinished another finishes. The last one writes tables and figures.
+    Work(WorkArgs),
+    /// Hand a night to a cluster: freeze its plan, and submit a job of many workers
+    Submit(SubmitArgs),
+    /// Take the jobs of a night back; what is finished stays, and what is not goes on when it is submitted again
+    Cancel(CancelArgs),
     /// Say why a run would be rendered again, or why it would not
     ///
     /// Names the field in which its identity differs from what the script asks for now, the file that is damaged or
@@ -420,6 +432,10 @@ pub struct BenchArgs {
     /// Height of the pictures with `--backend`
     #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub height: u32,
+    /// Rehearse a night of 10,000 cells over 1,000 workers with failures instead, in virtual time but with real claims in a
+    /// real folder below --out
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend"])]
+    pub cluster_sim: bool,
     /// Measure rays through the hierarchy and nothing else
     #[arg(long, conflicts_with = "mpaths")]
     pub traversal: bool,

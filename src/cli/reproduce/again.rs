@@ -10,12 +10,15 @@ use crate::cli::load::decode;
 use crate::film::layer::Layer;
 use crate::film::{Film, Image};
 use crate::render::halves::Halves;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer, backend, external};
+use crate::scene::compile::compile_sharing;
 use crate::scene::desc::content_hash;
-use crate::scene::{SceneDesc, compile, edit};
+use crate::scene::{SceneDesc, edit};
 use crate::script;
 use crate::store;
 use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::flight::Timing;
 use crate::transport::integrator::external::is_external;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
@@ -98,7 +101,11 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
     }
     let whole = |json: &Json| json.as_u64().and_then(|n| u32::try_from(n).ok());
     let pair = |json: &Json| Some([whole(&json[0])?, whole(&json[1])?]);
-    let (compiled, _) = compile(&scene).map_err(|e| e.to_string())?;
+    let accel = match Value::from_json(&render["accel"]) {
+        Value::Map(accel) => AccelSpec::from_map(&accel),
+        _ => AccelSpec::default(),
+    };
+    let (compiled, _) = compile_sharing(&scene, accel.instances).map_err(|e| e.to_string())?;
     let name = text("integrator")?;
     let kind = render["aa"]["filter"].as_str().and_then(FilterKind::from_name);
     let radius = render["aa"]["radius"].as_f64().ok_or("its config.json has no `render.aa.radius`")? as f32;
@@ -107,6 +114,8 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         Value::Map(params) => params,
         _ => Default::default(),
     };
+    let film = Value::from_json(&render["film"]);
+    let timing = film.as_map().map_or(Ok(None), |film| Timing::from_film(film, "film")).map_err(|e| e.to_string())?;
     let job = Job {
         integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}` any more"))?,
         params,
@@ -115,7 +124,9 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         rr_start: whole(&render["rr_start"]),
         filter: FilterSpec { kind: kind.ok_or("its pixel filter is unknown")?, radius },
         layers: films.filter_map(Layer::from_name).collect(),
+        timing,
         sampler: text("sampler").map(sampler)?.ok_or("its sampler is unknown")?,
+        accel,
         seed: 0,
         threads: global.threads,
     };

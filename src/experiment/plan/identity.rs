@@ -86,10 +86,14 @@ pub(super) fn picture(
         ("sampler", sampler),
         ("backend", config.backend.as_str().into()),
     ];
-    // Left out where there are none, so that runs without layers keep the ids they had before layers existed.
+    // Left out where there are none, so that runs without layers and bins keep the ids they had before these existed.
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
-    fields.into_iter().chain(films).map(|(key, value)| (key.to_owned(), value)).collect()
+    let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
+    // Left out where it is as by default, for the same reason. It changes no picture, but what a run measures.
+    let accel = config.accel.identity();
+    let accel = (!accel.is_empty()).then_some(("accel", Value::Map(accel)));
+    fields.into_iter().chain(films).chain(film).chain(accel).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end.
@@ -198,6 +202,11 @@ fn table(table: &TableSpec) -> Value {
         TableValue::RenderS => "render_s".into(),
         TableValue::MpathsPerS => "mpaths_per_s".into(),
         TableValue::Fps => "fps".into(),
+        TableValue::MraysPerS => "mrays_per_s".into(),
+        TableValue::AccelBuildS => "accel_build_s".into(),
+        TableValue::AccelNodes => "accel_nodes".into(),
+        TableValue::AccelMib => "accel_mib".into(),
+        TableValue::AccelCost => "accel_cost".into(),
         TableValue::TimeTo { column, threshold } => {
             map([("time_to", column.as_str().into()), ("threshold", Value::number(*threshold))])
         }

@@ -9,6 +9,7 @@ use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
+use crate::film::time;
 use crate::render::{self, BackendRow, external};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::external::{EXTERNALS, is_external};
@@ -41,6 +42,8 @@ type Edited = (Arc<SceneDesc>, [u8; 32]);
 /// What was found so far, so that ten thousand cells cost one reading of each file and one probe of each backend.
 pub(super) struct Resolver<'a> {
     load: &'a mut LoadScene<'a>,
+    /// Whether others render it, so that backends are not asked whether they can.
+    elsewhere: bool,
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
@@ -52,9 +55,10 @@ pub(super) struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    pub(super) fn new(load: &'a mut LoadScene<'a>) -> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>, elsewhere: bool) -> Resolver<'a> {
         Resolver {
             load,
+            elsewhere,
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
@@ -83,11 +87,16 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene));
+        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene, &config));
         if let Some(reason) = refused {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
-        Self::films(&config, u64::from(width) * u64::from(height), max_depth)
+        let pixels = u64::from(width) * u64::from(height);
+        Self::films(&config, pixels, max_depth)
+            .and_then(|()| match &config.timing {
+                Some(timing) => time::bytes(&timing.axis, pixels, row.splats).map(drop),
+                None => Ok(()),
+            })
             .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
@@ -98,7 +107,7 @@ impl<'a> Resolver<'a> {
 
     /// The version of the program that carries a technique out.
     fn peer(&mut self, row: &'static IntegratorRow, config: &CellConfig, point: &Point) -> Result<String, PlanError> {
-        let films = !config.films.is_empty();
+        let films = !config.films.is_empty() || config.timing.is_some();
         if let Some(reason) = external::refusal(config.filter, &config.sampler, films, config.rr_start) {
             let (backend, reason) = (row.name.to_owned(), reason.to_owned());
             return Err(PlanError::Refused { point: describe(point), backend, reason });
@@ -146,6 +155,7 @@ impl<'a> Resolver<'a> {
             edit::apply(changed, &config.set)
                 .map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         }
+        desc::delay::check(&scene).map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         let hash = desc::content_hash(&scene);
         self.edited.insert(key, (Arc::clone(&scene), hash));
         Ok((scene, hash))
@@ -173,7 +183,9 @@ impl<'a> Resolver<'a> {
             name: name.to_owned(),
             help: help(name, render::BACKENDS.iter().map(|row| row.name).chain(["auto"])),
         })?;
-        if let Err(reason) = (row.probe)() {
+        if !self.elsewhere
+            && let Err(reason) = (row.probe)()
+        {
             return Err(PlanError::UnusableBackend { point: describe(point), name: row.name.to_owned(), reason });
         }
         self.backends.insert(name.to_owned(), row.name);
@@ -204,7 +216,20 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
 }
 
 /// Why a backend cannot render this, if it cannot.
-fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc) -> Option<String> {
+fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc, config: &CellConfig) -> Option<String> {
+    if !backend.accel && !config.accel.identity().is_empty() {
+        return Some(format!("its hierarchy is not built by `{}`: `accel` is for the CPU", config.accel.describe()));
+    }
+    if !backend.times {
+        if config.timing.is_some() {
+            return Some(
+                "it does not count the time of light: leave out `film.time`, or render it on `cpu`".to_owned(),
+            );
+        }
+        if let Some(m) = scene.materials.iter().find(|m| !m.parts.is_empty()) {
+            return Some(format!("it has no composed materials, as `{}` is", m.name));
+        }
+    }
     let strange = scene.materials.iter().find(|m| !backend.models.contains(&m.model));
     let model =
         |m: &desc::MaterialDesc| format!("it has no materials of the model `{}`, as `{}` is", m.model.word(), m.name);

@@ -2,24 +2,25 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
 use super::waves::Waves;
-use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
 use crate::render::halves::Halves;
-use crate::render::{Job, Renderer, WaveStats, external};
-use crate::scene::{CompiledScene, SceneDesc, compile};
+use crate::render::{Job, OpenStats, Renderer, WaveStats, external};
+use crate::scene::compile::compile_sharing;
+use crate::scene::{CompiledScene, SceneDesc};
 use crate::transport::integrator::external::is_external;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
@@ -46,16 +47,20 @@ pub(super) struct Ended {
     pub(super) outcome: Outcome,
     pub(super) film: Option<Arc<Film>>,
     pub(super) layers: Arc<Vec<LayerImage>>,
+    pub(super) times: Option<Arc<TimeCube>>,
     pub(super) rows: Vec<WaveRow>,
     /// Where it is a reference that is done.
     pub(super) halves: Option<[Arc<Film>; 2]>,
     /// The noise floors of what it was measured against.
     pub(super) floors: Floors,
+    /// What opening it cost.
+    pub(super) open: OpenStats,
 }
 
 impl Ended {
-    pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), rows, ..Ended::failed(String::new()) }
+    pub(super) fn cached(run: FinishedRun) -> Ended {
+        let FinishedRun { folder, rows, floors, open } = run;
+        Ended { outcome: Outcome::Cached(folder), rows, floors, open, ..Ended::failed(String::new()) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
@@ -63,9 +68,11 @@ impl Ended {
             outcome: Outcome::Failed(reason),
             film: None,
             layers: Arc::default(),
+            times: None,
             rows: Vec::new(),
             halves: None,
             floors: Floors::default(),
+            open: OpenStats::default(),
         }
     }
 }
@@ -116,8 +123,10 @@ impl Night<'_, '_> {
         // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
+        let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
-        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
+        let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
+        Ended { outcome, film, layers, times, rows: progress.standing.rows, halves, floors: Floors::default(), open }
     }
 
     fn render(&mut self, work: &Work<'_>, progress: &mut Progress, anew: bool) -> Result<Next, String> {
@@ -218,16 +227,19 @@ impl Night<'_, '_> {
 
     /// The compiled form of a scene. The last one is kept, for cells that differ in technique, depth or seed alone.
     pub(super) fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
-        if let Some((desc, compiled)) = &self.compiled
+        let sharing = work.config.accel.instances;
+        if let Some((desc, before, compiled)) = &self.compiled
             && Arc::ptr_eq(desc, work.scene)
+            && *before == sharing
         {
             return Ok(Arc::clone(compiled));
         }
         // Dropped first: two large scenes need not fit into memory at once.
         self.compiled = None;
-        let (compiled, notes) = guard("compiling the scene", || compile(work.scene))?.map_err(|e| e.to_string())?;
+        let (compiled, notes) =
+            guard("compiling the scene", || compile_sharing(work.scene, sharing))?.map_err(|e| e.to_string())?;
         let compiled = Arc::new(compiled);
-        self.compiled = Some((Arc::clone(work.scene), Arc::clone(&compiled)));
+        self.compiled = Some((Arc::clone(work.scene), sharing, Arc::clone(&compiled)));
         for note in notes {
             if self.told.insert(note.clone()) {
                 self.say(Level::Warn, work.cell, note.to_string())?;
@@ -247,7 +259,9 @@ impl Night<'_, '_> {
             rr_start: config.rr_start,
             filter: config.filter,
             layers: config.films.clone(),
+            timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
+            accel: config.accel,
             seed: 0,
             threads: self.options.threads,
         };

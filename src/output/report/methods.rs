@@ -53,9 +53,8 @@ fn sentences(study: &Study) -> Vec<String> {
     };
     out.push(runs);
     let mut peers: Vec<String> = Vec::new();
-    for run in study.all().map(|m| m.run).filter(|run| run.integrator.starts_with("external:")) {
-        let Some((_, version)) = run.device.as_deref().and_then(|device| device.rsplit_once(", ")) else { continue };
-        let peer = format!("{} was rendered by {version}, whose clock is its own", run.integrator);
+    for (run, program) in study.all().filter_map(|m| Some((m.run, m.run.peer.as_ref()?))) {
+        let peer = format!("{} was rendered by {program}, whose clock is its own", run.integrator);
         if !peers.contains(&peer) {
             peers.push(peer);
         }

@@ -12,6 +12,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::cache;
 use super::error::VulkanError;
 use super::instance::{self, Instance};
+use crate::render::choice;
 
 /// The variable that names the device to use: its index or a part of its name, as `lumbre doctor` lists them.
 pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
@@ -195,7 +196,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
 pub fn choose() -> Result<DeviceInfo, VulkanError> {
     let devices = list()?;
     let names = || devices.iter().map(|d| format!("{} {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
-    if let Some(wanted) = std::env::var(DEVICE_VARIABLE).ok().filter(|w| !w.is_empty()) {
+    if let Some(wanted) = choice::device(DEVICE_VARIABLE) {
         let lower = wanted.to_lowercase();
         let fits = |d: &&DeviceInfo| {
             wanted.parse() == Ok(d.index)
@@ -203,7 +204,10 @@ pub fn choose() -> Result<DeviceInfo, VulkanError> {
         };
         let found = devices.iter().find(fits).cloned();
         return found.ok_or_else(|| {
-            VulkanError::NoDevice(format!("{DEVICE_VARIABLE} asks for `{wanted}`; there are: {}", names()))
+            VulkanError::NoDevice(format!(
+                "`{wanted}` was asked for (--device, {DEVICE_VARIABLE}); there are: {}",
+                names()
+            ))
         });
     }
     let first = devices.iter().find(|d| !d.software).or(devices.first()).cloned();

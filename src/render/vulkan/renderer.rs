@@ -18,6 +18,9 @@ use crate::film::layer::{LayerFilm, Layout};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 
+/// Triangles and spheres up to which scenes with copies of meshes are unfolded for a device: some four gigabytes.
+const MOST_UNFOLDED: usize = 1 << 24;
+
 /// A run on a device. Its fields go in the order in which they are written: what uses others first.
 pub struct VulkanRenderer {
     kind: Kind,
@@ -70,6 +73,16 @@ impl VulkanRenderer {
         scene: &CompiledScene,
         job: &Job,
     ) -> Result<VulkanRenderer, VulkanError> {
+        let unfolded;
+        let scene = if scene.instances.places.is_empty() {
+            scene
+        } else {
+            unfolded = scene.flattened(MOST_UNFOLDED).map_err(|found| VulkanError::Lacks {
+                device: device.info.line(),
+                needed: format!("copies of meshes without triangles of their own, which would be {found} (at most {MOST_UNFOLDED} are unfolded)"),
+            })?;
+            &unfolded
+        };
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let layout = Layout::new(&job.layers, job.max_depth, pixels)
             .map_err(|needed| VulkanError::Lacks { device: device.info.line(), needed })?;
@@ -117,7 +130,12 @@ impl VulkanRenderer {
             device: Arc::clone(device),
             pace: Pace::default(),
             film: Film::new(job.resolution[0], job.resolution[1]),
-            open_stats: OpenStats { accel_build_s: build_s, accel_nodes: nodes, device: device.info.line() },
+            open_stats: OpenStats {
+                accel_build_s: build_s,
+                accel_nodes: nodes,
+                device: device.info.line(),
+                ..OpenStats::default()
+            },
             refused: false,
         })
     }

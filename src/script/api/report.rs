@@ -24,6 +24,11 @@ const PLAIN_VALUES: &[(&str, TableValue)] = &[
     ("render_s", TableValue::RenderS),
     ("mpaths_s", TableValue::MpathsPerS),
     ("fps", TableValue::Fps),
+    ("mrays_s", TableValue::MraysPerS),
+    ("accel_build_s", TableValue::AccelBuildS),
+    ("accel_nodes", TableValue::AccelNodes),
+    ("accel_mib", TableValue::AccelMib),
+    ("accel_cost", TableValue::AccelCost),
 ];
 
 /// The options of `x:figure`.
@@ -290,7 +295,7 @@ pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
             match &table.value {
                 TableValue::Metric(name) => column(name, &columns, &plain, &at("value"), "value")?,
                 TableValue::TimeTo { column: name, .. } => column(name, &columns, &[], &at("value"), "value")?,
-                TableValue::Samples | TableValue::RenderS | TableValue::MpathsPerS | TableValue::Fps => {}
+                _ => {}
             }
             table.rows.iter().try_for_each(|name| axis(name, &axes, &at("rows"), "rows"))?;
             table.cols.iter().try_for_each(|name| axis(name, &axes, &at("cols"), "cols"))?;

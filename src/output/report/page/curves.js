@@ -125,9 +125,9 @@ function curves(data, showRuns) {
     const inside = element("g", { "clip-path": "url(#inside)" });
     svg.append(inside);
     // Below the noise of the reference, curves measure the reference.
-    const floors = found.map((l) => [l.run.series, shown(metric, l.run.floors[metric.index])]).filter((f) => metric.log && f[1] > y0);
+    const floors = found.map((l) => [l.run.series, shown(metric, l.run.floors[metric.index])]).filter((f) => metric.log && f[1] > 0);
     const floor = Math.max(...floors.map((f) => f[1])), shared = floors.every((f) => f[1] > floor * (1 - 1e-9));
-    for (const [series, own] of shared ? [] : floors) inside.append(element("line", {
+    for (const [series, own] of shared ? [] : floors) if (own > y0) inside.append(element("line", {
       x1: left, x2: width - right, y1: Y(own), y2: Y(own), stroke: data.series[series].colour, "stroke-dasharray": "2 3", class: "floor",
     }));
     if (shared && floor > y0) {
