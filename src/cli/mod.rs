@@ -30,6 +30,7 @@ mod status;
 mod text;
 mod until;
 pub mod verify;
+mod view;
 mod watch;
 
 use std::process::ExitCode;
@@ -82,6 +83,7 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Metric(args) => compare::metric(args, global),
         Verb::Diff(args) => compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),
+        Verb::View(args) => view::main(args, global),
         Verb::Report(args) => report::main(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),

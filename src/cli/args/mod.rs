@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 
-use crate::experiment::spec::Deadline;
+use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
 use crate::value::Value;
 
@@ -177,6 +177,11 @@ pub enum Verb {
     /// of the picture), equal within noise (with the p-value), or differs here (with the place and a map). Times are not
     /// compared. Exit code 5 says that a picture differs.
     Reproduce(ReproduceArgs),
+    /// Look into the time axis of a run: frames, animations, streaks, curves and arrival
+    ///
+    /// Draws them anew from the arrays that a finished run with `film = { time = .. }` has left, for the moments, pixels
+    /// and regions that are asked for, into a folder. The last line of the output makes a video of them with ffmpeg.
+    View(ViewArgs),
     /// Print completions for a shell
     ///
     /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
@@ -407,6 +412,9 @@ pub struct VerifyArgs {
     /// With --kill: processes that work on each night at once
     #[arg(long, value_name = "N", default_value_t = 1, requires = "kill", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub processes: u32,
+    /// With --kill: the order of the cells of each night
+    #[arg(long, value_name = "ORDER", default_value = Order::NAMES[0], requires = "kill", value_parser = Order::NAMES)]
+    pub order: String,
     /// Seed of all random numbers; each seed repeats to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

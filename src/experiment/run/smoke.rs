@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use super::cell::{Work, advance, guard};
 use super::night::Night;
 use crate::experiment::event::{CellRef, Event, Level};
+use crate::experiment::forecast::Kind;
 use crate::experiment::plan::ReferenceSource;
 
 /// Longest side of what the pass renders, in pixels. It finds what is broken, not what is slow or too large.
@@ -66,7 +67,7 @@ impl Night<'_, '_> {
             }
             CellRef::Reference(i) => match &plan.references[i].source {
                 ReferenceSource::Render { config, scene, seeds, stop, .. } => (config, scene, seeds[0], stop),
-                ReferenceSource::File(_) => return Ok(()),
+                ReferenceSource::File { .. } => return Ok(()),
             },
         };
         let [width, height] = config.resolution.unwrap_or(scene.resolution);
@@ -75,7 +76,8 @@ impl Night<'_, '_> {
         let work = Work { cell, config, scene, seeds: &[seed], stop, reference: None, resolution };
         let scene = self.compiled(&work)?;
         let mut renderer = Some(self.open(&work, scene)?);
-        advance(&mut renderer, 1)?;
+        let stats = advance(&mut renderer, 1)?;
+        self.paces.tried(Kind::of(config), stats.paths as f64 / stats.render_s);
         guard("closing the backend", || drop(renderer))
     }
 }
