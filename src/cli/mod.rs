@@ -26,9 +26,11 @@ mod signals;
 mod space;
 mod status;
 mod text;
+mod trace;
 mod until;
 pub mod verify;
 mod watch;
+mod worker;
 
 use std::process::ExitCode;
 
@@ -58,7 +60,11 @@ pub fn main() -> ExitCode {
 
 fn verb(cli: &Cli) -> Result<Exit, Failure> {
     let global = &cli.global;
+    if let Verb::Worker = cli.verb {
+        return worker::main();
+    }
     let log = log::Log::install(global.quiet);
+    worker::employ();
     match &cli.verb {
         Verb::Run(args) => run::main(args, global, &log),
         Verb::Retry(args) => run::retry(args, global, &log),
@@ -77,8 +83,10 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Diff(args) => compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),
         Verb::Report(args) => report::main(args, global),
+        Verb::Trace(args) => trace::main(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
+        Verb::Worker => worker::main(),
     }
 }
 

@@ -89,6 +89,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),
+            fallback: None,
         }),
         scene: Arc::new(SceneDesc {
             views: Vec::new(),

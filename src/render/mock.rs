@@ -31,13 +31,15 @@ pub const ROW: BackendRow = BackendRow {
     // It knows neither paths nor surfaces.
     layers: false,
     models: &Model::ALL,
-    refuses: |_| None,
+    refuses: |_, _| None,
+    edited: || Ok(None),
     open: |scene, job| {
         if !job.layers.is_empty() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
         }
         Ok(Box::new(MockRenderer::new(scene, job)))
     },
+    paths: |_, _, _| Err(RenderError::Unsupported { backend: "mock", reason: "it traces no paths".into() }),
 };
 
 /// A run of the mock backend.

@@ -346,6 +346,7 @@ impl Follower {
             device: line["device"].as_str().unwrap_or_default().to_owned(),
             accel_build_s: line["accel_build_s"].as_f64().unwrap_or(0.0),
             accel_nodes: line["accel_nodes"].as_u64().unwrap_or(0),
+            ..OpenStats::default()
         };
         let reference = match cell {
             CellRef::Cell(i) => self.cells.get(i).and_then(|(_, reference)| *reference),

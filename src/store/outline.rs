@@ -94,5 +94,6 @@ pub(super) fn config(json: &Json) -> Option<CellConfig> {
         sampler: text(&json["sampler"]),
         set: values(&json["set"]),
         backend: text(&json["backend"]),
+        fallback: None,
     })
 }

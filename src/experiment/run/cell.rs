@@ -17,7 +17,7 @@ use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
-use crate::render::{Job, Renderer, WaveStats};
+use crate::render::{Job, RenderError, Renderer, WaveStats};
 use crate::scene::{CompiledScene, SceneDesc, compile};
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
@@ -76,6 +76,54 @@ enum Next {
     Restart,
 }
 
+/// Why a try of a run came to nothing.
+pub(super) enum Broken {
+    /// The device or the process that rendered is gone; another try may succeed.
+    Lost(String),
+    /// The backend cannot do it.
+    Backend(String),
+    /// Anything else.
+    Other(String),
+}
+
+impl From<String> for Broken {
+    fn from(reason: String) -> Broken {
+        Broken::Other(reason)
+    }
+}
+
+impl From<RenderError> for Broken {
+    fn from(error: RenderError) -> Broken {
+        let reason = error.to_string();
+        match error {
+            RenderError::Lost { .. } => Broken::Lost(reason),
+            RenderError::Unsupported { .. } | RenderError::Failed { .. } => Broken::Backend(reason),
+        }
+    }
+}
+
+impl Broken {
+    /// What happened.
+    pub(super) fn reason(self) -> String {
+        let (Broken::Lost(reason) | Broken::Backend(reason) | Broken::Other(reason)) = self;
+        reason
+    }
+}
+
+/// How often a run is tried again whose device was lost.
+const MOST_LOSSES: u32 = 3;
+
+/// How a run is tried.
+#[derive(Default)]
+struct Try {
+    /// From its first sample, whatever was kept.
+    anew: bool,
+    /// How often its device was lost so far.
+    losses: u32,
+    /// On another backend than its own.
+    backend: Option<&'static str>,
+}
+
 /// How a run begins.
 #[derive(Default)]
 struct Resumed {
@@ -98,12 +146,27 @@ impl Night<'_, '_> {
     /// Renders one run to its end, whatever that is.
     pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
         let mut progress = Progress::default();
-        let mut anew = false;
+        let mut how = Try::default();
+        let mut layers = Vec::new();
         let outcome = loop {
-            match self.render(work, &mut progress, anew) {
+            let ended = self.render(work, &mut progress, &how).and_then(|next| {
+                // Only what is finished is recorded.
+                if let (Next::End(Outcome::Done(_)), Some(renderer)) = (&next, &progress.renderer) {
+                    layers = layer_images(renderer.as_ref())?;
+                }
+                Ok(next)
+            });
+            match ended {
                 Ok(Next::End(outcome)) => break outcome,
-                Ok(Next::Restart) => (progress, anew) = (Progress::default(), true),
-                Err(reason) => break Outcome::Failed(reason),
+                Ok(Next::Restart) => (progress, how.anew) = (Progress::default(), true),
+                Err(broken) => match self.try_again(work, &mut how, &progress, broken) {
+                    Ok(true) => progress = Progress::default(),
+                    Ok(false) => {
+                        progress = Progress::default();
+                        break Outcome::Interrupted;
+                    }
+                    Err(reason) => break Outcome::Failed(reason),
+                },
             }
         };
         if outcome == Outcome::Interrupted {
@@ -111,17 +174,48 @@ impl Night<'_, '_> {
         }
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
-        // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
-        let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
         let halves = finished.and_then(|r| r.halves());
-        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
+        let rows = progress.standing.rows;
+        Ended { outcome, film, layers: Arc::new(layers), rows, halves, floors: Floors::default() }
     }
 
-    fn render(&mut self, work: &Work<'_>, progress: &mut Progress, anew: bool) -> Result<Next, String> {
+    /// Decides how a run is tried again that came to nothing, and says so; false if there is no time left for it.
+    ///
+    /// A device that was lost is tried again a few times. What a backend cannot do after that another one does, if the
+    /// script has left the choice to the program: from the first sample, since two clocks do not add up.
+    fn try_again(
+        &mut self,
+        work: &Work<'_>,
+        how: &mut Try,
+        progress: &Progress,
+        broken: Broken,
+    ) -> Result<bool, String> {
+        let lost = matches!(broken, Broken::Lost(_));
+        if lost && (self.control.stop_requested() || self.late()) {
+            self.say(Level::Warn, work.cell, broken.reason())?;
+            return Ok(false);
+        }
+        if lost && how.losses < MOST_LOSSES {
+            how.losses += 1;
+            how.anew = how.anew && !progress.kept.any;
+            let (reason, losses) = (broken.reason(), how.losses);
+            let text = format!("{reason}; it is tried again from its newest checkpoint ({losses} of {MOST_LOSSES})");
+            self.say(Level::Warn, work.cell, text)?;
+            return Ok(true);
+        }
+        let fallback = work.config.fallback.filter(|_| how.backend.is_none() && !matches!(broken, Broken::Other(_)));
+        let Some(backend) = fallback else { return Err(broken.reason()) };
+        *how = Try { anew: true, losses: 0, backend: Some(backend) };
+        let text = format!("{}; as its backend is `auto`, it is rendered by `{backend}` instead", broken.reason());
+        self.say(Level::Warn, work.cell, text)?;
+        Ok(true)
+    }
+
+    fn render(&mut self, work: &Work<'_>, progress: &mut Progress, how: &Try) -> Result<Next, Broken> {
         let started = Instant::now();
         let scene = self.compiled(work)?;
-        let (renderer, resumed) = self.resume(work, scene, anew)?;
+        let (renderer, resumed) = self.resume(work, scene, how)?;
         let open = renderer.open_stats().clone();
         progress.renderer = Some(renderer);
         progress.standing = resumed.standing;
@@ -172,7 +266,7 @@ impl Night<'_, '_> {
                 progress.standing.wall_s = wall_s();
                 self.keep_if_due(work.cell, progress);
             }
-            let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned()) };
+            let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned().into()) };
             let measuring = Instant::now();
             let image = Arc::new(renderer.film().mean());
             let metrics = self.measure(&image, work.reference.as_deref())?;
@@ -187,24 +281,27 @@ impl Night<'_, '_> {
     }
 
     /// Opens the renderer of a run, and goes on from its checkpoint if there is one that fits, unless it is to be
-    /// rendered `anew`.
+    /// rendered anew.
     fn resume(
         &mut self,
         work: &Work<'_>,
         scene: Arc<CompiledScene>,
-        anew: bool,
-    ) -> Result<(Box<dyn Renderer>, Resumed), String> {
-        let mut renderer = self.open(work, Arc::clone(&scene))?;
-        let checkpoint = if anew { None } else { self.history.checkpoint(self.plan, work.cell) };
+        how: &Try,
+    ) -> Result<(Box<dyn Renderer>, Resumed), Broken> {
+        let mut renderer = self.open(work, Arc::clone(&scene), how.backend)?;
+        let checkpoint = if how.anew { None } else { self.history.checkpoint(self.plan, work.cell) };
         let Some(checkpoint) = checkpoint else {
             return Ok((renderer, Resumed::default()));
         };
         let taken = guard("reading a checkpoint", || renderer.restore(&checkpoint.state));
+        if let Ok(Err(lost @ RenderError::Lost { .. })) = taken {
+            return Err(lost.into());
+        }
         if let Err(problem) = taken.and_then(|taken| taken.map_err(|e| e.to_string())) {
             drop(renderer);
             let word = format!("its checkpoint does not fit, and it starts again: {problem}");
             let resumed = Resumed { word: Some((Level::Warn, word)), ..Resumed::default() };
-            return Ok((self.open(work, scene)?, resumed));
+            return Ok((self.open(work, scene, how.backend)?, resumed));
         }
         let standing = checkpoint.standing;
         let word = format!("goes on from its checkpoint after {} samples per pixel", standing.samples());
@@ -231,8 +328,15 @@ impl Night<'_, '_> {
         Ok(compiled)
     }
 
-    pub(super) fn open(&self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<Box<dyn Renderer>, String> {
+    /// Opens the renderer of a run, on its own backend or another.
+    pub(super) fn open(
+        &self,
+        work: &Work<'_>,
+        scene: Arc<CompiledScene>,
+        backend: Option<&str>,
+    ) -> Result<Box<dyn Renderer>, Broken> {
         let config = work.config;
+        let backend = backend.unwrap_or(&config.backend);
         let name = &config.integrator;
         let job = Job {
             integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}`"))?,
@@ -246,15 +350,14 @@ impl Night<'_, '_> {
             seed: 0,
             threads: self.options.threads,
         };
-        let open = |seed: u64| {
+        let open = |seed: u64| -> Result<Box<dyn Renderer>, Broken> {
             let job = Job { seed, ..job.clone() };
-            guard("opening the backend", || (self.seams.open)(&config.backend, Arc::clone(&scene), job))?
-                .map_err(|e| e.to_string())
+            Ok(guard("opening the backend", || (self.seams.open)(backend, Arc::clone(&scene), job))??)
         };
         match work.seeds {
             [seed] => open(*seed),
             [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
-            _ => Err("a run has one seed, or those of two halves".to_owned()),
+            _ => Err("a run has one seed, or those of two halves".to_owned().into()),
         }
     }
 
@@ -292,20 +395,20 @@ impl Night<'_, '_> {
     }
 }
 
-pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {
-    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned()) };
+pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, Broken> {
+    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned().into()) };
     let stats = guard("rendering", || renderer.advance(samples))?;
     *slot = Some(renderer);
     match stats {
-        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples")),
-        stats => stats.map_err(|e| e.to_string()),
+        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples").into()),
+        stats => Ok(stats?),
     }
 }
 
 /// The images of a renderer's layers; the sums of one at a time are in memory twice.
-fn layer_images(renderer: &dyn Renderer) -> Vec<LayerImage> {
+fn layer_images(renderer: &dyn Renderer) -> Result<Vec<LayerImage>, RenderError> {
     let films = renderer.layers().iter().enumerate();
-    films.filter_map(|(i, film)| Some(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
+    films.map(|(i, film)| Ok(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
 }
 
 /// Runs what may panic; a panic becomes a reason.

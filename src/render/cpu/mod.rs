@@ -7,6 +7,7 @@ pub mod accel;
 mod intersect;
 pub mod lanes;
 mod layers;
+mod paths;
 pub mod rates;
 pub mod renderer;
 mod traverse;
@@ -24,6 +25,8 @@ pub const ROW: BackendRow = BackendRow {
     },
     layers: true,
     models: &Model::ALL,
-    refuses: |_| None,
+    refuses: |_, _| None,
+    edited: || Ok(None),
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
+    paths: paths::paths,
 };

@@ -62,6 +62,7 @@ impl CpuRenderer {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
             device: format!("cpu, {} threads, eight-wide BVH, {}", pool.current_num_threads(), accel.isa().name()),
+            ..OpenStats::default()
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
@@ -236,9 +237,10 @@ impl Renderer for CpuRenderer {
         self.layers.as_ref().map_or(&[], LayerSums::films)
     }
 
-    fn layer(&self, index: usize) -> Option<Film> {
-        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
-        Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len());
+        let missing = || RenderError::Failed { backend: "cpu", reason: format!("there is no film {index} of layers") };
+        Ok(layers.ok_or_else(missing)?.film(index, [self.own.width, self.own.height], self.own.samples))
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {

@@ -297,6 +297,7 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
         films: films(common.get("films")),
         sampler: text(&common, "sampler").unwrap_or_else(|| SAMPLER_NAMES[0].to_owned()),
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
+        fallback: None,
     })
 }
 

@@ -57,6 +57,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
+        fallback: None,
     }
 }
 
@@ -194,8 +195,12 @@ impl Teller {
 
     /// A cell opens and renders `2^0` to `2^last` samples.
     pub fn render(&mut self, cell: CellRef, last: u32) -> &mut Teller {
-        let open =
-            OpenStats { accel_build_s: 0.0021, accel_nodes: 1234, device: "cpu, 2 threads, obvhs PLOC BVH".to_owned() };
+        let open = OpenStats {
+            accel_build_s: 0.0021,
+            accel_nodes: 1234,
+            device: "cpu, 2 threads, obvhs PLOC BVH".to_owned(),
+            ..OpenStats::default()
+        };
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));
         let start = self.clock_s;
         self.events.push((
