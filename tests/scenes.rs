@@ -8,6 +8,8 @@ mod builtin;
 mod damaged;
 #[path = "scenes/edit.rs"]
 mod edit;
+#[path = "scenes/export.rs"]
+mod export;
 #[path = "scenes/gltf.rs"]
 mod gltf;
 #[path = "scenes/lights.rs"]

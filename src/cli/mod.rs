@@ -8,11 +8,13 @@ mod args;
 mod bench;
 mod builtin;
 mod check;
+mod cluster;
 mod compare;
 mod docs;
 mod doctor;
 mod exit;
 mod explain;
+mod export;
 mod inspect;
 mod load;
 mod log;
@@ -68,9 +70,13 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
     match &cli.verb {
         Verb::Run(args) => run::main(args, global, &log),
         Verb::Retry(args) => run::retry(args, global, &log),
+        Verb::Work(args) => cluster::work(args, global, &log),
+        Verb::Submit(args) => cluster::submit(args, global),
+        Verb::Cancel(args) => cluster::cancel(args, global),
         Verb::Explain(args) => explain::main(args, global),
         Verb::Plan(args) => plan::main(args, global),
         Verb::Check(args) => check::main(args, global),
+        Verb::Export(args) => export::main(args, global),
         Verb::Watch(args) => watch::main(args, global, &log),
         Verb::Status(args) => status::main(args, global),
         Verb::Ls(args) => inspect::ls(args, global),
@@ -99,7 +105,12 @@ fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
             talk(line);
         }
     };
-    let report = bench::measure(args, global.threads, &mut say).map_err(Failure::usage)?;
+    let report = if args.cluster_sim {
+        bench::cluster(&global.out, &mut say)
+    } else {
+        bench::measure(args, global.threads, &mut say)
+    };
+    let report = report.map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());
     crate::store::atomic(&file, json.as_bytes()).map_err(Failure::internal)?;
     data(if args.json { &json } else { report.text() })?;

@@ -158,7 +158,7 @@ fn in_words(estimate: &Estimate) -> String {
         parts.push(format!("{} without a limit of time or samples", counted(estimate.unbounded, "run")));
     }
     if estimate.layer_bytes > 0 {
-        parts.push(format!("layers take up to {} of memory", text::size(estimate.layer_bytes)));
+        parts.push(format!("layers and bins take up to {} of memory", text::size(estimate.layer_bytes)));
     }
     if parts.is_empty() { "nothing to render".to_owned() } else { parts.join("; ") }
 }

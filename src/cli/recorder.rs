@@ -16,11 +16,12 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Control, Event, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image};
-use crate::output::{exr, layer, plot, png};
+use crate::output::{exr, layer, plot, png, time};
 use crate::render::OpenStats;
 use crate::scene::desc::content_hash;
-use crate::store::{FILMS, HALVES, NOISE, RunWriter, Store, StoreError, utc};
+use crate::store::{FILMS, HALVES, Host, NOISE, RunWriter, Store, StoreError, utc};
 
 /// What wrote the files.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -34,6 +35,12 @@ pub struct Recorder<'a> {
     current: Option<Current>,
     /// The noise floors of the plan's references, as far as they were told.
     floors: BTreeMap<usize, Floors>,
+}
+
+/// What a run has besides its picture.
+struct Apart<'a> {
+    layers: &'a [LayerImage],
+    times: Option<&'a TimeCube>,
 }
 
 /// The run that is being filled.
@@ -165,7 +172,7 @@ impl<'a> Recorder<'a> {
         cell: CellRef,
         reason: &str,
         film: &Film,
-        layers: &[LayerImage],
+        apart: Apart,
         rows: &[WaveRow],
     ) -> Result<(), SinkError> {
         let Some(current) = self.current.take_if(|c| c.cell == cell) else {
@@ -186,7 +193,11 @@ impl<'a> Recorder<'a> {
         self.patiently(|| writer.write(&format!("{name}.exr"), &linear))?;
         let shown = png::encode(&image, self.plan.measure.display, &metadata).map_err(failed)?;
         self.patiently(|| writer.write(&format!("{name}.png"), &shown))?;
+        let layers = apart.layers;
         self.keep_layers(cell, &writer, layers, &metadata)?;
+        if let Some(times) = apart.times {
+            self.keep_times(cell, &writer, times, &metadata)?;
+        }
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
         if !floors.is_empty() {
@@ -201,7 +212,29 @@ impl<'a> Recorder<'a> {
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
+        if apart.times.is_some() {
+            done["time"] = true.into();
+        }
         self.patiently(|| writer.finish(&done))
+    }
+
+    /// Writes what a film with a time axis has to show.
+    fn keep_times(
+        &self,
+        cell: CellRef,
+        writer: &RunWriter,
+        times: &TimeCube,
+        metadata: &[(String, String)],
+    ) -> Result<(), SinkError> {
+        let timing = match cell {
+            CellRef::Cell(i) => self.plan.cells[i].config.timing.as_ref(),
+            CellRef::Reference(_) => None,
+        };
+        let seconds = timing.and_then(|timing| timing.seconds());
+        for file in time::files(times, seconds, metadata).map_err(failed)? {
+            self.patiently(|| writer.write(&format!("{FILMS}/{}", file.name), &file.bytes))?;
+        }
+        Ok(())
     }
 
     /// Writes the films of all layers, and the sheets on which they stand side by side.
@@ -350,9 +383,11 @@ impl Sink for Recorder<'_> {
             }
             Event::Agreement { reference, with, found } => self.agreement(*reference, *with, found),
             Event::Halves { reference, halves } => self.halves(*reference, halves),
-            Event::CellFinished { cell, outcome, film, layers, rows } => {
+            Event::CellFinished { cell, outcome, film, layers, times, rows } => {
                 let kept = match (outcome, film) {
-                    (Outcome::Done(reason), Some(film)) => self.finish(*cell, reason, film, layers, rows),
+                    (Outcome::Done(reason), Some(film)) => {
+                        self.finish(*cell, reason, film, Apart { layers, times: times.as_deref() }, rows)
+                    }
                     (Outcome::Done(_), None) => Err(SinkError("it is done but left no picture".to_owned())),
                     (Outcome::Failed(reason), _) => {
                         self.log.run_line(LogLevel::ERROR, &format!("failed: {reason}"));
@@ -418,6 +453,7 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "metrics": metrics,
         "seed": facts.seed,
         "device": facts.device,
+        "processor": Host::here().cpu,
         "accel_build_s": open.accel_build_s,
         "accel_nodes": open.accel_nodes,
         "scene_hash": facts.scene_hash,

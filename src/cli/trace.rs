@@ -70,6 +70,7 @@ fn of_scene(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Jo
         rr_start: None,
         filter: FilterSpec::PIXEL,
         layers: Vec::new(),
+        timing: None,
         sampler: sampler(&args.sampler).ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
         seed: args.seed,
         threads: global.threads,

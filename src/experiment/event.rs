@@ -7,8 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::agree::Agreement;
 use super::floors::{Floors, HalfImages};
 use super::plan::Plan;
-use super::standing::{Checkpoint, Claim, Standing};
+use super::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::OpenStats;
 
@@ -144,6 +145,8 @@ pub enum Event {
         film: Option<Arc<Film>>,
         /// The images of the layers that it was asked for; empty unless it is done.
         layers: Arc<Vec<LayerImage>>,
+        /// Its light by time, if it was asked for; none unless it is done.
+        times: Option<Arc<TimeCube>>,
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,
     },
@@ -183,6 +186,12 @@ pub type Save<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
 pub trait History {
     /// The folder and final measurements of a finished run with this identity.
     fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
+
+    /// What other workers say that they have made of a run, where that is enough: one of many does not read what
+    /// thousands of runs came to.
+    fn settled(&self, _plan: &Plan, _cell: CellRef) -> Option<Settled> {
+        None
+    }
 
     /// The image of a finished reference, or of an image file that a script named.
     ///

@@ -7,6 +7,7 @@ pub mod agree;
 pub mod event;
 pub mod evidence;
 pub mod floors;
+pub mod groups;
 pub mod outline;
 pub mod plan;
 pub mod run;

@@ -8,6 +8,7 @@ use super::stop::StopRule;
 use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::transport::camera::FilterSpec;
+use crate::transport::flight::Timing;
 use crate::value::Value;
 use crate::value::schema::duration_s;
 
@@ -209,6 +210,8 @@ pub struct CellConfig {
     pub filter: FilterSpec,
     /// Layers that are kept beside the picture, in the order of [`LAYERS`](crate::film::layer::LAYERS), each once.
     pub films: Vec<Layer>,
+    /// The time axis of its film.
+    pub timing: Option<Timing>,
     /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
     pub sampler: String,
     /// Changes to the scene by path, `camera` ones included.

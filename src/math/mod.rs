@@ -3,6 +3,7 @@
 pub mod discovery;
 pub mod distribution;
 pub mod frame;
+pub mod piecewise;
 pub mod rng;
 pub mod stats;
 pub mod student;

@@ -86,6 +86,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             films: Vec::new(),
+            timing: None,
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),

@@ -30,10 +30,14 @@ pub const ROW: BackendRow = BackendRow {
     probe: || Ok("a fake clock of 10 million paths per second".into()),
     // It knows neither paths nor surfaces.
     layers: false,
+    times: false,
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),
     open: |scene, job| {
+        if job.timing.is_some() {
+            return Err(RenderError::Unsupported { backend: "mock", reason: "it counts no time".into() });
+        }
         if !job.layers.is_empty() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
         }
@@ -176,6 +180,7 @@ mod tests {
             attributes: Vec::new(),
             spheres: Vec::new(),
             materials: Vec::new(),
+            delays: Default::default(),
             textures: Vec::new(),
             emitters: Vec::new(),
             points: Vec::new(),
@@ -206,6 +211,7 @@ mod tests {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             layers: Vec::new(),
+            timing: None,
             sampler: INDEPENDENT,
             seed,
             threads: 1,

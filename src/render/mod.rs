@@ -3,6 +3,7 @@
 //! This room knows no integrator by name: a [`Job`] carries a row of
 //! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
 
+pub mod choice;
 pub mod cpu;
 pub mod halves;
 pub mod mock;
@@ -18,9 +19,11 @@ use std::sync::Arc;
 use self::paths::{SampleAt, Step};
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
+use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
+use crate::transport::flight::Timing;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
@@ -42,6 +45,8 @@ pub struct Job {
     pub filter: FilterSpec,
     /// The layers to fill besides the picture; none cost nothing.
     pub layers: Vec<Layer>,
+    /// The time axis of the film; without one nothing is counted, and nothing is paid.
+    pub timing: Option<Timing>,
     /// Where the numbers of samples come from.
     pub sampler: &'static SamplerRow,
     /// Seed of every random number of the run.
@@ -158,6 +163,11 @@ pub trait Renderer: Send {
         Err(RenderError::Failed { backend: "this", reason: format!("it has no film {index} of layers") })
     }
 
+    /// The light of every pixel by its time, if the job has a time axis.
+    fn times(&self) -> Option<TimeCube> {
+        None
+    }
+
     /// Writes all that another renderer of the same job needs to go on to the same bits, and says whether it did: a
     /// backend that cannot writes nothing, and what is cut off starts again.
     ///
@@ -196,6 +206,9 @@ pub struct BackendRow {
     pub probe: fn() -> Result<String, String>,
     /// Whether it can fill layers. If not, a plan that asks it for some is refused.
     pub layers: bool,
+    /// Whether it counts the time of light and knows composed materials. If not, a plan that asks it for a film with a time
+    /// axis, or for a scene with such materials, is refused.
+    pub times: bool,
     /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
     pub models: &'static [Model],
     /// Why it cannot carry out an integrator with paths of so many edges, if it cannot: a plan that asks for it is refused
@@ -236,11 +249,25 @@ pub fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn R
 /// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
 /// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.
 pub fn automatic() -> (&'static str, String) {
+    if let Some(name) = choice::auto() {
+        return (name, "it meant that when the plan was frozen".to_owned());
+    }
     #[cfg(feature = "vulkan")]
     let found = vulkan::automatic();
     #[cfg(not(feature = "vulkan"))]
     let found: Result<(&'static str, String), String> = Err("this program was built without Vulkan".to_owned());
     found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
+}
+
+/// Names the one device of this machine that a backend renders on, for programs: its place among those of its kind, or
+/// nothing for the processor.
+pub fn device_place(backend: &str) -> String {
+    #[cfg(feature = "vulkan")]
+    if let Some(place) = vulkan::place(backend) {
+        return place;
+    }
+    let _ = backend;
+    String::new()
 }
 
 /// The row that `name` means; `auto` is that of [`automatic`].

@@ -1,5 +1,5 @@
 //! Scenes: what a file or a script says ([`desc`]), how files are read ([`load`]), how one value is changed
-//! ([`edit`]), and the flat arrays that a backend renders ([`mod@compile`]).
+//! ([`edit`]), the flat arrays that a backend renders ([`mod@compile`]), and files for another renderer ([`export`]).
 //!
 //! Paths inside a scene file resolve against the file that names them. What a loader cannot honour becomes a
 //! [`Note`]; what it cannot understand is a [`SceneError`]. Nothing here knows how light moves.
@@ -7,7 +7,9 @@
 pub mod compile;
 pub mod desc;
 pub mod edit;
+pub mod export;
 pub mod load;
+pub mod names;
 pub mod noise;
 pub mod shape;
 
@@ -42,6 +44,14 @@ pub enum SceneError {
     /// A file could not be read at all.
     #[error("cannot read {}: {reason}", file.display())]
     Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+    /// A file could not be written.
+    #[error("cannot write {}: {reason}", file.display())]
+    Unwritable {
         /// The file.
         file: PathBuf,
         /// What the system said.

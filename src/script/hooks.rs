@@ -148,6 +148,7 @@ impl Script {
                             integrator: agree.with,
                             params: BTreeMap::new(),
                             films: Vec::new(),
+                            timing: None,
                             ..config.clone()
                         },
                         stop: agree.stop.unwrap_or_else(|| stop.clone()),

@@ -64,7 +64,14 @@ pub fn load(path: &Path) -> Result<Script, ScriptError> {
 /// # Errors
 /// Whatever is wrong with it; see [`Problem`].
 pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
-    let text = source::read(path)?;
+    load_text(path, source::read(path)?, limits)
+}
+
+/// Reads a script whose text was kept elsewhere, as if it still stood in its file: what lies beside that is found.
+///
+/// # Errors
+/// Whatever is wrong with it; see [`Problem`].
+pub fn load_text(path: &Path, text: String, limits: Limits) -> Result<Script, ScriptError> {
     let Read { shared, lua, returned } = read(path, &text, limits, Purpose::Experiment)?;
     let spec = finish(&shared, &returned, path, text)?;
     let points = hooks::point_metatable(&lua, &shared).map_err(|e| shared.convert(&e))?;

@@ -51,6 +51,19 @@ impl Archive {
         Archive { own: Some(own.to_owned()), inspected: Some(RefCell::default()), ..Archive::new(out, decode) }
     }
 
+    /// The same for a worker, which cannot walk all folders and read every byte of what a thousand others finish: it is
+    /// told what lies elsewhere, and looks at sizes.
+    pub(super) fn for_worker(
+        out: &Path,
+        own: &Path,
+        decode: Decode,
+        name: &str,
+        elsewhere: BTreeMap<String, PathBuf>,
+    ) -> Archive {
+        let index = RefCell::new(BTreeMap::from([(name.to_owned(), elsewhere)]));
+        Archive { own: Some(own.to_owned()), index, ..Archive::new(out, decode) }
+    }
+
     /// Remembers where a run is about to be written, so that its twin in the same plan finds it.
     pub(super) fn expect(&self, name: &str, id: &str, folder: &Path) {
         if self.indexed(name, id).is_none() {

@@ -139,6 +139,7 @@ fn config_json(config: &CellConfig) -> Json {
         "rr_start": config.rr_start,
         "aa": { "filter": kind, "radius": config.filter.radius },
         "films": config.films.iter().map(|layer| layer.row().name).collect::<Vec<_>>(),
+        "film": config.timing.as_ref().map(|timing| timing.to_film(true).to_json()),
         "sampler": config.sampler,
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,

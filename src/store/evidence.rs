@@ -99,7 +99,7 @@ impl Reader<'_> {
             integrator: text(&cell["integrator"]),
             scene: render["scene"].as_str().map(str::to_owned).unwrap_or_default(),
             resolution: side(0).zip(side(1)).map(|(w, h)| [w, h]),
-            device: done.as_ref().and_then(|done| done["device"].as_str()).map(str::to_owned),
+            device: done.as_ref().and_then(device),
             accel: done.as_ref().and_then(|d| Some((d["accel_build_s"].as_f64()?, d["accel_nodes"].as_u64()?))),
             reference: cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok()),
             pictures: pictures(&folder, done.as_ref()),
@@ -157,6 +157,17 @@ impl Reader<'_> {
                 ..row
             })
             .collect()
+    }
+}
+
+/// What a run was rendered on. The `cpu` backend only says how many threads it had: which processor that was, the run
+/// says too, since workers of one night may have several.
+fn device(done: &Json) -> Option<String> {
+    let device = done["device"].as_str()?;
+    let threads = device.strip_prefix("cpu, ").and_then(|rest| rest.split(',').find(|part| part.contains("thread")));
+    match (threads, done["processor"].as_str()) {
+        (Some(threads), Some(processor)) if !processor.is_empty() => Some(format!("{processor}, {}", threads.trim())),
+        _ => Some(device.to_owned()),
     }
 }
 

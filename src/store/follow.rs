@@ -1,18 +1,21 @@
-//! Following a night from outside, by its files alone: the journal, the measurements of the run at hand, its pictures.
+//! Following a night from outside, by its files alone: the journals, the measurements of the run at hand, its pictures,
+//! and the heartbeats of workers.
 //!
 //! Nothing is locked and nothing is written, so a folder can be followed while it grows, after its end, from another
 //! process, or on another machine to which it was copied. Whether a run is done is whether its last file is there, as
 //! everywhere; the journal only says when, and with what numbers.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value as Json;
 
 use super::archive::{Decode, read_json};
+use super::crew::{Doing, Worker, crew};
+use super::journals::Journals;
 use super::tail::Tail;
 use super::{FILMS, StoreError, layout, list, outline, rows, seconds_of};
 use crate::experiment::event::Level;
@@ -36,6 +39,13 @@ pub enum Seen {
         /// The image that it is measured against, if it is there.
         reference: Option<Arc<Image>>,
     },
+    /// A run renders beside the one that is shown.
+    Underway {
+        /// Which.
+        cell: CellRef,
+    },
+    /// The workers of the night, all of them, when one or more were looked at.
+    Crew(Vec<Worker>),
     /// It was measured; metrics are in the order of the outline.
     Measured {
         /// Which.
@@ -94,6 +104,9 @@ pub struct Sight {
     pub seen: Seen,
 }
 
+/// How often workers are looked at.
+const ROLL_CALL: Duration = Duration::from_secs(2);
+
 /// The run at hand.
 #[derive(Debug)]
 struct Run {
@@ -121,7 +134,14 @@ pub struct Follower {
     cells: Vec<(PathBuf, Option<usize>)>,
     /// The folder of every reference, or the file that it is.
     references: Vec<PathBuf>,
-    journal: Tail,
+    journals: Journals,
+    /// Runs that started and have not ended, by their ids, with the line that said so.
+    underway: BTreeMap<String, Json>,
+    /// Whether a night has begun and not ended.
+    goes_on: bool,
+    /// When workers were looked at, and those that were found to be lost.
+    called: Option<Instant>,
+    lost: BTreeSet<String>,
     /// When the first look came, everything that is there has to be told.
     fresh: bool,
     run: Option<Run>,
@@ -169,7 +189,7 @@ impl Follower {
                 None => layout::reference_folder(&out, &crate::experiment::RunId(id)),
             });
         }
-        let journal = Tail::new(folder.join("journal.jsonl"));
+        let journals = Journals::new(&folder);
         let outline = Arc::new(outline);
         Ok(Follower {
             out,
@@ -178,7 +198,11 @@ impl Follower {
             ids,
             cells,
             references,
-            journal,
+            journals,
+            underway: BTreeMap::new(),
+            goes_on: false,
+            called: None,
+            lost: BTreeSet::new(),
             fresh: true,
             run: None,
             recent: None,
@@ -200,15 +224,15 @@ impl Follower {
     pub fn news_at(&self) -> Option<SystemTime> {
         let written = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
         let run = self.run.as_ref().and_then(|run| written(run.metrics.path()));
-        written(self.journal.path()).max(run)
+        self.journals.written().max(run)
     }
 
     /// What happened since the last look, oldest first. The first look tells everything that is there.
     pub fn look(&mut self) -> Vec<Sight> {
         let mut sights = Vec::new();
-        let news = self.journal.look();
+        let news = self.journals.look();
         let fresh = std::mem::take(&mut self.fresh) || news.anew;
-        let lines: Vec<Json> = news.text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        let lines = news.lines;
         // Only the newest run is worth its rows and pictures: those of a whole night would be read to be thrown away.
         let newest = lines.iter().rposition(|line| line["event"] == "cell_started");
         if fresh {
@@ -217,8 +241,52 @@ impl Follower {
         for (i, line) in lines.iter().enumerate() {
             self.journal_line(line, newest == Some(i), fresh, &mut sights);
         }
+        self.roll_call(&mut sights);
+        if self.journals.has_workers()
+            && self.run.as_ref().is_none_or(|run| !run.running)
+            && let Some(line) = self.underway.values().next().cloned()
+        {
+            self.show(&line, &mut sights);
+        }
         self.run_at_hand(&mut sights);
         sights
+    }
+
+    /// Looks at the workers from time to time. What a lost one rendered is open again.
+    fn roll_call(&mut self, sights: &mut Vec<Sight>) {
+        if !self.journals.has_workers() || self.called.is_some_and(|at| at.elapsed() < ROLL_CALL) {
+            return;
+        }
+        self.called = Some(Instant::now());
+        let workers = crew(&self.folder);
+        let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        for worker in workers.iter().filter(|worker| worker.is_lost()) {
+            let Doing::Rendering { run, .. } = &worker.doing else { continue };
+            if !self.lost.insert(worker.name.clone()) || self.underway.remove(run).is_none() {
+                continue;
+            }
+            for cell in self.ids.get(run).cloned().unwrap_or_default() {
+                if let Some(run) = self.run.as_mut().filter(|run| run.cell == cell) {
+                    run.running = false;
+                }
+                if !self.is_done(cell) {
+                    let ended = Seen::Ended { cell, outcome: Outcome::Interrupted, last: None };
+                    sights.push(Sight { at_s, seen: ended });
+                }
+            }
+        }
+        sights.push(Sight { at_s, seen: Seen::Crew(workers) });
+    }
+
+    /// Makes a run that started the one that is shown.
+    fn show(&mut self, line: &Json, sights: &mut Vec<Sight>) {
+        let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
+        let id = line["run"].as_str().unwrap_or_default();
+        if let Some(cell) = self.ids.get(id).and_then(|cells| cells.first()).copied() {
+            let (seen, run) = self.start(cell, line);
+            self.run = Some(run);
+            sights.push(Sight { at_s, seen });
+        }
     }
 
     fn journal_line(&mut self, line: &Json, newest: bool, fresh: bool, sights: &mut Vec<Sight>) {
@@ -227,16 +295,31 @@ impl Follower {
         let which = self.ids.get(id).cloned().unwrap_or_default();
         let mut see = |seen| sights.push(Sight { at_s, seen });
         match line["event"].as_str().unwrap_or_default() {
-            "night_started" => see(Seen::Began),
-            "night_finished" => see(Seen::Over),
-            "cell_started" if newest => {
-                if let Some(cell) = which.first() {
-                    let (sight, run) = self.start(*cell, line);
-                    self.run = Some(run);
-                    sights.push(Sight { at_s, seen: sight });
+            "night_started" => {
+                self.goes_on = true;
+                self.underway.clear();
+                see(Seen::Began);
+            }
+            "worker_started" if !self.goes_on => {
+                self.goes_on = true;
+                see(Seen::Began);
+            }
+            "night_finished" | "night_closed" => {
+                self.goes_on = false;
+                see(Seen::Over);
+            }
+            "cell_started" => {
+                self.underway.insert(id.to_owned(), line.clone());
+                // Where many render at once, the one that is shown stays until it ends.
+                let busy = self.journals.has_workers() && self.run.as_ref().is_some_and(|run| run.running);
+                if newest && !busy {
+                    self.show(line, sights);
+                } else if self.journals.has_workers() {
+                    which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
                 }
             }
             "cell_finished" => {
+                self.underway.remove(id);
                 if let Some(run) = self.run.as_mut().filter(|run| which.contains(&run.cell)) {
                     run.running = false;
                     // What was measured last is told before the end is.
@@ -266,7 +349,7 @@ impl Follower {
 
     /// Runs that are done without the journal saying so: it was lost, or they lie in a folder beside this one.
     fn what_is_there(&self, lines: &[Json], sights: &mut Vec<Sight>) {
-        let told: std::collections::BTreeSet<&str> = lines
+        let told: BTreeSet<&str> = lines
             .iter()
             .filter(|line| line["event"] == "cell_finished" && line["outcome"] == "done")
             .filter_map(|line| line["run"].as_str())

@@ -35,10 +35,18 @@ pub struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    /// The surface at a hit of `ray`.
+    /// The surface at a hit of `ray`. A composed material is shown as a whole, as layers of the first surface want it:
+    /// paths take [`Flight::arrive`](super::flight::Flight::arrive), which chooses a part.
     #[inline]
     pub fn at(scene: &'a CompiledScene, ray: &Ray, hit: &Hit) -> Surface<'a> {
+        Surface::of_material(scene, ray, hit, scene.material_of(hit.primitive))
+    }
+
+    /// The surface at a hit of `ray` with the material of this row.
+    #[inline]
+    pub fn of_material(scene: &'a CompiledScene, ray: &Ray, hit: &Hit, material: u32) -> Surface<'a> {
         let i = hit.primitive as usize;
+        let material = &scene.materials[material as usize];
         let mut surface = if i < scene.triangles.len() {
             let [a, b, c] = scene.triangles[i];
             let attributes = &scene.attributes[i];
@@ -52,7 +60,7 @@ impl<'a> Surface<'a> {
                 n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
                 tangent: Vec3::ZERO,
                 uv: uv_at(scene, ray, hit),
-                material: &scene.materials[attributes.material as usize],
+                material,
                 emitter: attributes.emitter,
                 overhang: None,
             }
@@ -65,7 +73,7 @@ impl<'a> Surface<'a> {
                 n_shading: n,
                 tangent: Vec3::ZERO,
                 uv: sphere_uv(n),
-                material: &scene.materials[sphere.material as usize],
+                material,
                 emitter: sphere.emitter,
                 overhang: None,
             }

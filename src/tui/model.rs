@@ -9,6 +9,7 @@ use super::entry::{Entry, State, mean_wall_s};
 use super::eta::{self, Eta};
 use super::thumbs::{Thumb, Thumbs};
 use super::words;
+use super::workers::WorkerLine;
 use crate::experiment::event::Level;
 use crate::experiment::{CellConfig, CellRef, Event, Outcome, Outline, StopRule, WaveRow};
 use crate::film::SharedImage;
@@ -73,6 +74,8 @@ pub struct Model {
     pub past: VecDeque<(CellRef, Arc<Curve>)>,
     /// The films by strategy of the last cell that kept them.
     pub thumbs: Option<Arc<Thumbs>>,
+    /// The workers that take part and have not left, where there are several.
+    pub workers: Arc<Vec<WorkerLine>>,
     /// The last [`MESSAGES`] messages, oldest first.
     pub messages: VecDeque<Message>,
     /// When the night began, in seconds on the listener's clock.
@@ -105,7 +108,7 @@ impl Model {
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
             Event::Halves { .. } | Event::Agreement { .. } => {}
-            Event::CellFinished { cell, outcome, film: _, layers, rows } => {
+            Event::CellFinished { cell, outcome, film: _, layers, times: _, rows } => {
                 self.finish(*cell, outcome, rows.last(), at_s);
                 self.layers(*cell, layers);
             }
@@ -150,6 +153,20 @@ impl Model {
         let Some(entry) = self.entry_mut(cell) else { return };
         *entry = Entry { state: State::Running, last: None };
         self.current = Some(Current { open, reference, ..Current::new(cell, at_s) });
+    }
+
+    /// A cell renders beside the current one.
+    pub fn underway(&mut self, cell: CellRef, at_s: f64) {
+        self.heard(at_s);
+        if let Some(entry) = self.entry_mut(cell) {
+            entry.state = State::Running;
+        }
+    }
+
+    /// Who takes part.
+    pub fn crew(&mut self, workers: Vec<WorkerLine>) {
+        self.revision += 1;
+        self.workers = Arc::new(workers);
     }
 
     /// A cell was measured.

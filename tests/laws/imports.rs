@@ -23,7 +23,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("gpu_allocator", &["render/vulkan"]),
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
-    ("exr", &["output", "scene/load"]),
+    ("exr", &["output", "scene/load", "scene/export"]),
     ("flate2", &["output"]),
     ("pdf_writer", &["output"]),
     ("png", &["output"]),

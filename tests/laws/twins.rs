@@ -14,15 +14,20 @@ const ALONE: &[(&str, &str)] = &[
 const HOST: &[(&str, &str)] = &[
     ("src/math/discovery.rs", "statistics of nights"),
     ("src/math/mod.rs", "nothing but names"),
+    ("src/math/piecewise.rs", "a part of films with a time axis, which devices refuse"),
     ("src/math/stats.rs", "tests of statistics"),
     ("src/math/student.rs", "statistics of nights"),
     ("src/transport/camera/mod.rs", "nothing but names"),
+    ("src/transport/delay/mod.rs", "a part of films with a time axis, which devices refuse"),
+    ("src/transport/delay/profile.rs", "a part of films with a time axis, which devices refuse"),
+    ("src/transport/flight.rs", "a part of films with a time axis, which devices refuse"),
     ("src/transport/integrator/mod.rs", "the table of integrators"),
     ("src/transport/integrator/oracle/mod.rs", "the slow judge of weights"),
     ("src/transport/integrator/oracle/path.rs", "the slow judge of weights"),
     ("src/transport/integrator/oracle/split.rs", "the slow judge of weights"),
     ("src/transport/light/select.rs", "weights of lights become a table on the host"),
     ("src/transport/sampler/sobol_tests.rs", "tests"),
+    ("src/transport/timing.rs", "the words of scripts"),
 ];
 
 /// Every shader below a folder of `shaders/`.

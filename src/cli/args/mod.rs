@@ -1,11 +1,13 @@
 //! What can be typed.
 
+mod cluster;
 mod evidence;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
 pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs};
 
 use crate::experiment::spec::Deadline;
@@ -96,6 +98,16 @@ pub enum Verb {
     /// `lumbre run` tries failed cells again too, along with everything else that is not done. `lumbre retry --failed`
     /// tries nothing else.
     Retry(RetryArgs),
+    /// Take part in a night whose plan is frozen: one worker, on any machine that sees its folder
+    ///
+    /// `lumbre run` and `lumbre submit` leave the plan in the folder of their night. A worker makes it again from there,
+    /// refuses when anything in it changed, takes cells that nobody works on, and leaves when all is done. Any number may
+    /// come and go; what one leaves unfinished another finishes. The last one writes tables and figures.
+    Work(WorkArgs),
+    /// Hand a night to a cluster: freeze its plan, and submit a job of many workers
+    Submit(SubmitArgs),
+    /// Take the jobs of a night back; what is finished stays, and what is not goes on when it is submitted again
+    Cancel(CancelArgs),
     /// Say why a run would be rendered again, or why it would not
     ///
     /// Names the field in which its identity differs from what the script asks for now, the file that is damaged or
@@ -105,6 +117,12 @@ pub enum Verb {
     Plan(PlanArgs),
     /// Check scripts and scene files of every known format; render and write nothing
     Check(CheckArgs),
+    /// Write a scene of any known format as files for another renderer
+    ///
+    /// Meshes are PLY, textures PNG or OpenEXR. What the other renderer has no words for becomes a note that says what
+    /// takes its place. The path of the scene's file goes to stdout. Samples, depth and size are parameters of it:
+    /// mitsuba -D spp=64 -D max_depth=5 scene.xml
+    Export(ExportArgs),
     /// Show a night that runs or has ended in the dashboard, from any terminal
     ///
     /// Reads files only: no lock is taken and nothing is written, so a folder that was copied from another machine will
@@ -309,6 +327,25 @@ pub struct CheckArgs {
     pub files: Vec<PathBuf>,
 }
 
+/// `lumbre export`.
+#[derive(Args, Debug)]
+pub struct ExportArgs {
+    /// The scene: a file of any known format, or Lua that returns one
+    pub file: PathBuf,
+    /// For Mitsuba 3: XML
+    #[arg(long, required = true)]
+    pub mitsuba: bool,
+    /// The folder that is written; it must be new, empty, or hold an earlier export [default: NAME-mitsuba]
+    #[arg(short = 'o', long = "folder", value_name = "DIR")]
+    pub folder: Option<PathBuf>,
+    /// Choose an option of a scene written in Lua; give it again for more
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    pub option: Vec<(String, Value)>,
+    /// Change something in the scene by its path: `materials.egg.ior=1.3`, `camera=table`; give it again for more
+    #[arg(long, value_name = "PATH=VALUE", value_parser = setting)]
+    pub set: Vec<(String, Value)>,
+}
+
 /// `lumbre watch`.
 #[derive(Args, Debug)]
 pub struct WatchArgs {
@@ -434,6 +471,10 @@ pub struct BenchArgs {
     /// Height of the pictures with `--backend`
     #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub height: u32,
+    /// Rehearse a night of 10,000 cells over 1,000 workers with failures instead, in virtual time but with real claims in a
+    /// real folder below --out
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend"])]
+    pub cluster_sim: bool,
     /// Measure rays through the hierarchy and nothing else
     #[arg(long, conflicts_with = "mpaths")]
     pub traversal: bool,
@@ -446,6 +487,12 @@ pub struct BenchArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Reads `name=value`.
+fn setting(text: &str) -> Result<(String, Value), String> {
+    let (name, said) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    Ok((name.trim().to_owned(), value(said)?))
 }
 
 /// Reads `axis=value,value`.

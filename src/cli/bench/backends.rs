@@ -83,6 +83,7 @@ fn one(
         rr_start: None,
         filter: FilterSpec::PIXEL,
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         seed: 1,
         threads: 0,

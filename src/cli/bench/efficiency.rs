@@ -65,6 +65,7 @@ pub fn measure(
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         seed: 1,
         threads,

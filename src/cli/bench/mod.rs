@@ -2,6 +2,7 @@
 
 mod backends;
 mod checkpoint;
+mod cluster;
 mod efficiency;
 mod metrics;
 mod night;
@@ -96,6 +97,17 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         json["share_outside_advance"] = outside.into();
     }
     Ok(Report { json, text })
+}
+
+/// Rehearses a night of many workers in a folder instead.
+///
+/// # Errors
+/// When files cannot be written there, with a message for people.
+pub fn cluster(out: &std::path::Path, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
+    say("rehearsing 10,000 cells over 1,000 workers");
+    let found = cluster::Cluster::measure(out)?;
+    let json = json!({ "version": env!("CARGO_PKG_VERSION"), "cluster": found.to_json() });
+    Ok(Report { text: found.table(), json })
 }
 
 /// Measures backends side by side instead.

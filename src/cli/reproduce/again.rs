@@ -16,6 +16,7 @@ use crate::scene::{CompiledScene, SceneDesc, compile, edit};
 use crate::script;
 use crate::store;
 use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::flight::Timing;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 use crate::value::Value;
@@ -118,6 +119,8 @@ fn job_of(render: &Json, scene: &SceneDesc, global: &Global) -> Result<Job, Stri
         Value::Map(params) => params,
         _ => Default::default(),
     };
+    let film = Value::from_json(&render["film"]);
+    let timing = film.as_map().map_or(Ok(None), |film| Timing::from_film(film, "film")).map_err(|e| e.to_string())?;
     Ok(Job {
         integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}` any more"))?,
         params,
@@ -126,6 +129,7 @@ fn job_of(render: &Json, scene: &SceneDesc, global: &Global) -> Result<Job, Stri
         rr_start: whole(&render["rr_start"]),
         filter: FilterSpec { kind: kind.ok_or("its pixel filter is unknown")?, radius },
         layers: films.filter_map(Layer::from_name).collect(),
+        timing,
         sampler: text(render, "sampler").map(sampler)?.ok_or("its sampler is unknown")?,
         seed: 0,
         threads: global.threads,

@@ -195,7 +195,7 @@ fn contents(out: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     let mut found = BTreeMap::new();
     for file in files(out) {
         let name = name(&file);
-        if ["journal.jsonl", "env.json", "log.txt", "lock"].contains(&name.as_str()) {
+        if ["journal.jsonl", "env.json", "frozen.json", "log.txt", "lock"].contains(&name.as_str()) {
             continue;
         }
         let bytes = std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;

@@ -93,6 +93,7 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         rr_start: setting.rr_start,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
         seed: setting.seed,
         threads: setting.threads,

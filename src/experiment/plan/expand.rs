@@ -63,7 +63,7 @@ impl<'a> Builder<'a> {
             spec,
             hooks,
             backend: overrides.backend.as_deref(),
-            resolver: Resolver::new(load),
+            resolver: Resolver::new(load, overrides.elsewhere),
             columns: spec.measure.metrics.iter().map(|metric| metric.column.clone()).collect(),
             measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
             paths: Paths::default(),

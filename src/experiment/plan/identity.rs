@@ -85,10 +85,11 @@ pub(super) fn picture(
         ("sampler", sampler),
         ("backend", backend.into()),
     ];
-    // Left out where there are none, so that runs without layers keep the ids they had before layers existed.
+    // Left out where there are none, so that runs without layers and bins keep the ids they had before these existed.
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
-    fields.into_iter().chain(films).map(|(key, value)| (key.to_owned(), value)).collect()
+    let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
+    fields.into_iter().chain(films).chain(film).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end.

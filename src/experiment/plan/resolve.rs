@@ -9,6 +9,7 @@ use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
+use crate::film::time;
 use crate::render::{self, BackendRow};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
@@ -40,6 +41,8 @@ type Edited = (Arc<SceneDesc>, [u8; 32]);
 /// What was found so far, so that ten thousand cells cost one reading of each file and one probe of each backend.
 pub(super) struct Resolver<'a> {
     load: &'a mut LoadScene<'a>,
+    /// Whether others render it, so that backends are not asked whether they can.
+    elsewhere: bool,
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
@@ -51,9 +54,10 @@ pub(super) struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    pub(super) fn new(load: &'a mut LoadScene<'a>) -> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>, elsewhere: bool) -> Resolver<'a> {
         Resolver {
             load,
+            elsewhere,
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
@@ -82,16 +86,27 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, max_depth, &scene));
+        let timed = config.timing.is_some();
+        let refused =
+            |name: &str| render::backend(name).and_then(|backend| refusal(backend, row, max_depth, &scene, timed));
+        if let Some(able) = config.fallback.filter(|_| refused(&config.backend).is_some()) {
+            (config.backend, config.fallback) = (able.to_owned(), None);
+        }
+        let refused = refused(&config.backend);
         if let Some(reason) = refused {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
-        Self::films(&config, u64::from(width) * u64::from(height), max_depth)
+        let pixels = u64::from(width) * u64::from(height);
+        Self::films(&config, pixels, max_depth)
+            .and_then(|()| match &config.timing {
+                Some(timing) => time::bytes(&timing.axis, pixels, row.splats).map(drop),
+                None => Ok(()),
+            })
             .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
         let mut picture = identity::picture(&config, row, sampler, &hash);
-        if let Some(edited) = &self.edits[config.backend.as_str()] {
+        if let Some(Some(edited)) = self.edits.get(config.backend.as_str()) {
             picture.insert("shaders".to_owned(), edited.as_str().into());
         }
         Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
@@ -136,6 +151,7 @@ impl<'a> Resolver<'a> {
             edit::apply(changed, &config.set)
                 .map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         }
+        desc::delay::check(&scene).map_err(|e| PlanError::Set { point: describe(point), error: Box::new(e) })?;
         let hash = desc::content_hash(&scene);
         self.edited.insert(key, (Arc::clone(&scene), hash));
         Ok((scene, hash))
@@ -165,7 +181,9 @@ impl<'a> Resolver<'a> {
         })?;
         let unusable =
             |reason| PlanError::UnusableBackend { point: describe(point), name: row.name.to_owned(), reason };
-        (row.probe)().map_err(unusable)?;
+        if !self.elsewhere {
+            (row.probe)().map_err(unusable)?;
+        }
         self.edits.insert(row.name, (row.edited)().map_err(unusable)?);
         self.backends.insert(name.to_owned(), row.name);
         Ok(row.name)
@@ -195,7 +213,23 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
 }
 
 /// Why a backend cannot render this, if it cannot.
-fn refusal(backend: &BackendRow, integrator: &IntegratorRow, max_depth: u32, scene: &SceneDesc) -> Option<String> {
+fn refusal(
+    backend: &BackendRow,
+    integrator: &IntegratorRow,
+    max_depth: u32,
+    scene: &SceneDesc,
+    timed: bool,
+) -> Option<String> {
+    if !backend.times {
+        if timed {
+            return Some(
+                "it does not count the time of light: leave out `film.time`, or render it on `cpu`".to_owned(),
+            );
+        }
+        if let Some(m) = scene.materials.iter().find(|m| !m.parts.is_empty()) {
+            return Some(format!("it has no composed materials, as `{}` is", m.name));
+        }
+    }
     let strange = scene.materials.iter().find(|m| !backend.models.contains(&m.model));
     let model =
         |m: &desc::MaterialDesc| format!("it has no materials of the model `{}`, as `{}` is", m.model.word(), m.name);

@@ -15,6 +15,7 @@ use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
 use crate::render::{Job, RenderError, Renderer, WaveStats};
@@ -44,6 +45,7 @@ pub(super) struct Ended {
     pub(super) outcome: Outcome,
     pub(super) film: Option<Arc<Film>>,
     pub(super) layers: Arc<Vec<LayerImage>>,
+    pub(super) times: Option<Arc<TimeCube>>,
     pub(super) rows: Vec<WaveRow>,
     /// Where it is a reference that is done.
     pub(super) halves: Option<[Arc<Film>; 2]>,
@@ -61,6 +63,7 @@ impl Ended {
             outcome: Outcome::Failed(reason),
             film: None,
             layers: Arc::default(),
+            times: None,
             rows: Vec::new(),
             halves: None,
             floors: Floors::default(),
@@ -175,9 +178,10 @@ impl Night<'_, '_> {
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
+        let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
         let rows = progress.standing.rows;
-        Ended { outcome, film, layers: Arc::new(layers), rows, halves, floors: Floors::default() }
+        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default() }
     }
 
     /// Decides how a run is tried again that came to nothing, and says so; false if there is no time left for it.
@@ -346,6 +350,7 @@ impl Night<'_, '_> {
             rr_start: config.rr_start,
             filter: config.filter,
             layers: config.films.clone(),
+            timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             seed: 0,
             threads: self.options.threads,

@@ -5,7 +5,8 @@
 //! asking the stop rule, hearing the user. Of all this only the time inside the renderer counts as render time.
 //!
 //! Waves longer than a second are rendered in slices, between which the user is heard and checkpoints are written.
-//! What another process works on is put off until all else is done, and then waited for or taken over.
+//! What another process works on is put off until all else is done, and then waited for or taken over; the longer the
+//! wait, the rarer the looks.
 //!
 //! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
 //! is missing) is recorded with the reason, and the night goes on.
@@ -15,6 +16,7 @@ mod cell;
 mod checkpoint;
 mod floors;
 mod night;
+mod patience;
 mod smoke;
 mod waves;
 
@@ -24,6 +26,7 @@ use std::time::{Duration, SystemTime};
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
 use super::floors::Floors;
+use super::groups::Begin;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
 use crate::render::{self, Job, RenderError, Renderer};
@@ -51,6 +54,8 @@ pub struct NightSummary {
     pub interrupted: bool,
     /// The references that a second technique contradicts, in the order of the plan.
     pub disagreements: Vec<Disagreement>,
+    /// Cells that are for another kind of worker, and why.
+    pub apart: Vec<(CellRef, String)>,
 }
 
 /// A reference that a second technique contradicts.
@@ -111,6 +116,9 @@ pub struct Options {
     pub deadline: Option<SystemTime>,
     /// The cells and references to carry out, where it is not all of them.
     pub only: Option<BTreeSet<CellRef>>,
+    /// Where this process begins, if it is one of many workers. Without a deadline, whose order is the same for all. What
+    /// takes all references, comparing them, is then left to whoever closes the night.
+    pub begin: Option<Begin>,
 }
 
 impl From<usize> for Options {

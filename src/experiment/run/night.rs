@@ -2,16 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use super::agreement::Compared;
 use super::cell::{Ended, Work};
+use super::patience::Patience;
 use super::{CellResult, NightSummary, Options, RunError, Seams};
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
 use crate::experiment::floors::{Floors, HalfImages};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
-use crate::experiment::standing::Claim;
+use crate::experiment::standing::{Claim, Settled};
 use crate::film::SharedImage;
 use crate::scene::{CompiledScene, Note, SceneDesc};
 
@@ -33,7 +34,12 @@ enum Look {
     Ended,
     /// Another process works on it or on its reference; the text says which.
     Elsewhere(String),
+    /// It is for another kind of worker, as the text says.
+    Apart(String),
 }
+
+/// How long it is believed that another process has a reference while cells that need it are gone through.
+const BELIEF: Duration = Duration::from_secs(5);
 
 /// A night in progress.
 pub(super) struct Night<'a, 's> {
@@ -45,6 +51,8 @@ pub(super) struct Night<'a, 's> {
     pub(super) history: &'a dyn History,
     sinks: &'a mut [&'s mut dyn Sink],
     truths: Vec<Truth>,
+    /// References that another process had a moment ago, and which process that is.
+    away: BTreeMap<usize, (String, Instant)>,
     /// The reference that was used last: neighbouring cells mostly share it.
     recent: Option<(usize, SharedImage)>,
     /// The references that wait for the other side of a comparison.
@@ -77,6 +85,7 @@ impl<'a, 's> Night<'a, 's> {
             history,
             sinks,
             truths: plan.references.iter().map(|_| Truth::Ahead).collect(),
+            away: BTreeMap::new(),
             recent: None,
             compared: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
@@ -131,17 +140,23 @@ impl<'a, 's> Night<'a, 's> {
         if let Some(only) = &self.options.only {
             order.retain(|cell| only.contains(cell));
         }
-        order
+        match self.options.begin {
+            Some(begin) if self.options.deadline.is_none() => begin.turn(plan, order),
+            _ => order,
+        }
     }
 
     /// Goes through all that is to be done. What others work on is looked at again, until it is done, its owner has
     /// died, or somebody ends the night.
     fn all(&mut self, mut order: Vec<CellRef>) {
         let mut told = false;
+        let mut patience = Patience::new(u64::from(std::process::id()));
         loop {
             let mut elsewhere = Vec::new();
             let before = self.summary.results.len();
-            for cell in order {
+            self.away.clear();
+            let (now, mut later) = patience.window(order);
+            for cell in now {
                 if self.over() {
                     return;
                 }
@@ -152,20 +167,65 @@ impl<'a, 's> Night<'a, 's> {
                     CellRef::Reference(place) => self.reference(place),
                     CellRef::Cell(place) => self.cell(place),
                 };
-                if let Look::Elsewhere(whose) = look {
-                    elsewhere.push((cell, whose));
+                match look {
+                    Look::Ended => {}
+                    Look::Elsewhere(whose) => elsewhere.push((cell, whose)),
+                    Look::Apart(why) => self.summary.apart.push((cell, why)),
                 }
             }
-            let Some((_, whose)) = elsewhere.first() else { return };
+            later.retain(|cell| !self.is_settled(*cell));
+            let whose = elsewhere.first().map_or("", |(_, whose)| whose.as_str());
+            if elsewhere.is_empty() && later.is_empty() {
+                return;
+            }
+            if before < self.summary.results.len() {
+                patience.forget();
+            }
             if !told && before == self.summary.results.len() {
                 told = true;
-                let text = format!("waiting for {} runs of other processes, one of them {whose}", elsewhere.len());
+                let all = elsewhere.len() + later.len();
+                let text = format!("waiting for {all} runs of other processes, one of them {whose}");
                 // A line that cannot be written is no reason to stop waiting.
                 let _ = self.emit(&Event::Message { level: Level::Info, cell: None, text });
             }
-            (self.seams.wait)();
-            order = elsewhere.into_iter().map(|(cell, _)| cell).collect();
+            for _ in 0..patience.moments() {
+                if self.control.stop_requested() || self.late() {
+                    break;
+                }
+                (self.seams.wait)();
+            }
+            order = later.into_iter().chain(elsewhere.into_iter().map(|(cell, _)| cell)).collect();
         }
+    }
+
+    /// Takes note of what another worker has settled.
+    fn is_settled(&mut self, cell: CellRef) -> bool {
+        if let CellRef::Reference(place) = cell
+            && !matches!(self.truths[place], Truth::Ahead)
+        {
+            return true;
+        }
+        let Some(settled) = self.history.settled(self.plan, cell) else { return false };
+        let ended = match settled {
+            Settled::Done(folder) => Ended::cached(folder, Vec::new()),
+            Settled::Failed(reason) => Ended::failed(reason),
+        };
+        if let CellRef::Reference(place) = cell {
+            self.truths[place] = match &ended.outcome {
+                Outcome::Cached(_) => Truth::Recorded,
+                outcome => lost(outcome),
+            };
+        }
+        let Ended { outcome, rows, floors, layers, .. } = ended;
+        let rows = Arc::new(rows);
+        if let Outcome::Cached(_) = outcome {
+            let (outcome, rows) = (outcome.clone(), Arc::clone(&rows));
+            let event = Event::CellFinished { cell, outcome, film: None, layers, times: None, rows };
+            // It is recorded already.
+            let _ = self.emit(&event);
+        }
+        self.summary.results.push(CellResult { cell, outcome, rows, floors });
+        true
     }
 
     /// Whether the night ends here, with work left.
@@ -208,8 +268,13 @@ impl<'a, 's> Night<'a, 's> {
 
     fn reference(&mut self, place: usize) -> Look {
         let cell = CellRef::Reference(place);
-        if !matches!(self.truths[place], Truth::Ahead) {
+        if self.is_settled(cell) {
             return Look::Ended;
+        }
+        if let Some((whose, at)) = self.away.get(&place)
+            && at.elapsed() < BELIEF
+        {
+            return Look::Elsewhere(whose.clone());
         }
         let plan = self.plan;
         match &plan.references[place].source {
@@ -232,7 +297,10 @@ impl<'a, 's> Night<'a, 's> {
                         self.truths[place] = truth;
                         self.compare(place);
                     }
-                    Err(whose) => return Look::Elsewhere(whose),
+                    Err(whose) => {
+                        self.away.insert(place, (whose.clone(), Instant::now()));
+                        return Look::Elsewhere(whose);
+                    }
                 }
             }
         }
@@ -246,7 +314,7 @@ impl<'a, 's> Night<'a, 's> {
         }
         match self.history.claim(self.plan, work.cell) {
             Ok(Claim::Ours) => {}
-            Ok(Claim::Theirs(whose)) => return Err(whose),
+            Ok(Claim::Theirs(whose) | Claim::Never(whose)) => return Err(whose),
             Err(error) => return Ok(lost(&self.finish(work.cell, Ended::failed(error.to_string())))),
         }
         // Between the look and the claim, another process may have finished it.
@@ -321,6 +389,9 @@ impl<'a, 's> Night<'a, 's> {
         let plan = self.plan;
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
+        if self.is_settled(cell) {
+            return Look::Ended;
+        }
         if let Some(run) = self.history.done(plan, cell) {
             self.finish(cell, Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) });
             return Look::Ended;
@@ -337,6 +408,7 @@ impl<'a, 's> Night<'a, 's> {
         match self.history.claim(plan, cell) {
             Ok(Claim::Ours) => {}
             Ok(Claim::Theirs(whose)) => return Look::Elsewhere(whose),
+            Ok(Claim::Never(why)) => return Look::Apart(why),
             Err(error) => {
                 self.finish(cell, Ended::failed(error.to_string()));
                 return Look::Ended;
@@ -387,7 +459,7 @@ impl<'a, 's> Night<'a, 's> {
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
     fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, layers, rows, floors, halves: _ } = ended;
+        let Ended { mut outcome, film, layers, times, rows, floors, halves: _ } = ended;
         if let Outcome::Done(_) = outcome
             && !self.history.holds(self.plan, cell)
         {
@@ -397,7 +469,8 @@ impl<'a, 's> Night<'a, 's> {
             outcome = Outcome::Interrupted;
         }
         let rows = Arc::new(rows);
-        let event = Event::CellFinished { cell, outcome: outcome.clone(), film, layers, rows: Arc::clone(&rows) };
+        let event =
+            Event::CellFinished { cell, outcome: outcome.clone(), film, layers, times, rows: Arc::clone(&rows) };
         if let Err(reason) = self.emit(&event) {
             let reason = format!("it could not be recorded: {reason}");
             // The sink that failed may fail again; the others still hear of it, and the summary has the reason.

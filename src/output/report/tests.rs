@@ -195,6 +195,27 @@ fn nights_of_two_devices_stand_side_by_side_and_are_named() {
 }
 
 #[test]
+fn devices_of_one_night_never_share_a_clock() {
+    let mut both = night("RTX 4070", 1.0);
+    let other = night("RX 7600", 0.44);
+    let half = both.runs.len() / 2;
+    both.runs.splice(half.., other.runs.into_iter().skip(half));
+    let made = report(&[both], &Options::default());
+    let titles: Vec<&str> = made.items.iter().map(|item| item.stem.as_str()).collect();
+    assert!(!titles.contains(&"figures/error-time-rmse"), "{titles:?}");
+    for (i, (own, others)) in [("RTX 4070", "RX 7600"), ("RX 7600", "RTX 4070")].into_iter().enumerate() {
+        let figure = item(&made, &format!("figures/error-time-rmse-device-{}", i + 1));
+        let svg = figure.svg.as_deref().unwrap();
+        assert!(
+            svg.contains(&format!("render time (s) on {own}")) && !svg.contains(&format!("{others}</text>")),
+            "{svg}"
+        );
+        assert!(figure.caption.contains(&format!("Shown are the runs on {own}")), "{}", figure.caption);
+    }
+    assert!(titles.contains(&"figures/error-samples-rmse"), "samples are the same everywhere");
+}
+
+#[test]
 fn times_of_a_device_without_a_name_are_refused_beside_others() {
     let mut nameless = night("RX 7600", 0.44);
     nameless.runs.iter_mut().for_each(|run| run.device = None);

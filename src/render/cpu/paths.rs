@@ -56,6 +56,7 @@ pub(super) fn paths(
             max_depth: job.max_depth,
             rr_start: job.rr_start,
             settings: &settings,
+            timing: job.timing.as_ref(),
         };
         let mut sampler = (job.sampler.start)(job.seed, at.pixel, at.sample);
         let mut sink = |c| steps.borrow_mut().push(Step::Light(c));

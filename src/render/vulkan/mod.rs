@@ -40,6 +40,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     doc: "A graphics device that traces rays: ray-tracing pipelines.",
     probe: || probe(Kind::Pipeline),
     layers: true,
+    times: false,
     models: upload::MODELS,
     refuses,
     edited,
@@ -53,6 +54,7 @@ pub const QUERY: BackendRow = BackendRow {
     doc: "The same device and the same code in a compute shader, by ray queries.",
     probe: || probe(Kind::Query),
     layers: true,
+    times: false,
     models: upload::MODELS,
     refuses,
     edited,
@@ -66,6 +68,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     doc: "A graphics device that need not trace rays: a compute shader over a hierarchy of our own.",
     probe: || probe(Kind::Compute),
     layers: true,
+    times: false,
     models: upload::MODELS,
     refuses,
     edited,
@@ -116,6 +119,12 @@ fn probe(kind: Kind) -> Result<String, String> {
         None => Ok(device.line()),
         Some(what) => Err(format!("{} has no {what}", device.line())),
     }
+}
+
+/// The place of the device that one of these backends renders on in the list of devices; `None` for other backends.
+pub fn place(backend: &str) -> Option<String> {
+    Kind::ALL.iter().find(|kind| kind.backend() == backend)?;
+    device::choose().ok().map(|device| device.index.to_string())
 }
 
 /// The backend that suits this machine's device, and why; where none does, why not.

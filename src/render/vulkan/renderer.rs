@@ -246,6 +246,7 @@ fn step(s: &PathStep) -> Option<Step> {
             unweighted: s.unweighted.into(),
             s: s.light_vertices,
             t: s.camera_vertices,
+            length: 0.0,
         })),
         _ => None,
     }

@@ -86,6 +86,11 @@ impl Pool {
         job: Job,
     ) -> Result<WorkerRenderer, RenderError> {
         let lost = |reason: String| RenderError::Lost { backend, reason };
+        let composed = |row: usize| scene.delays.parts(row as u32).iter().any(|part| part.material as usize != row);
+        if job.timing.is_some() || (0..scene.materials.len()).any(composed) {
+            let reason = "a worker knows neither films with a time axis nor composed materials".to_owned();
+            return Err(RenderError::Unsupported { backend, reason });
+        }
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let layout = Layout::new(&job.layers, job.max_depth, pixels)
             .map_err(|reason| RenderError::Unsupported { backend, reason })?;

@@ -18,10 +18,6 @@ use crate::transport::sampler::sampler;
 use crate::value::Value;
 
 structs! {
-    CompiledScene {
-        content_hash, triangles, attributes, tangents, spheres, materials, textures, emitters, points, directionals,
-        environment, camera, bounds, resolution, max_depth,
-    }
     TriangleAttributes { normals, uvs, material, emitter }
     Sphere { center, radius, material, emitter }
     Material {
@@ -51,6 +47,51 @@ words! {
     MaskMode: MaskMode::ALL,
     FilterKind: FILTERS.map(|(kind, _)| kind),
     Layer: LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>(),
+}
+
+impl Wire for CompiledScene {
+    fn put(&self, to: &mut Vec<u8>) {
+        // Delays change no picture, and [`Pool::open`](super::Pool::open) has refused composed materials.
+        let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays: _, .. } = self;
+        let CompiledScene { textures, emitters, points, directionals, environment, camera, .. } = self;
+        let CompiledScene { bounds, resolution, max_depth, .. } = self;
+        content_hash.put(to);
+        triangles.put(to);
+        attributes.put(to);
+        tangents.put(to);
+        spheres.put(to);
+        materials.put(to);
+        textures.put(to);
+        emitters.put(to);
+        points.put(to);
+        directionals.put(to);
+        environment.put(to);
+        camera.put(to);
+        bounds.put(to);
+        resolution.put(to);
+        max_depth.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<CompiledScene, Garbled> {
+        Ok(CompiledScene {
+            content_hash: Wire::take(from)?,
+            triangles: Wire::take(from)?,
+            attributes: Wire::take(from)?,
+            tangents: Wire::take(from)?,
+            spheres: Wire::take(from)?,
+            materials: Wire::take(from)?,
+            delays: Default::default(),
+            textures: Wire::take(from)?,
+            emitters: Wire::take(from)?,
+            points: Wire::take(from)?,
+            directionals: Wire::take(from)?,
+            environment: Wire::take(from)?,
+            camera: Wire::take(from)?,
+            bounds: Wire::take(from)?,
+            resolution: Wire::take(from)?,
+            max_depth: Wire::take(from)?,
+        })
+    }
 }
 
 impl Wire for Film {
@@ -94,7 +135,9 @@ impl Wire for BTreeMap<String, Value> {
 
 impl Wire for Job {
     fn put(&self, to: &mut Vec<u8>) {
-        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, sampler, seed, threads } = self;
+        // [`Pool::open`](super::Pool::open) has refused a time axis.
+        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing: _, .. } = self;
+        let Job { sampler, seed, threads, .. } = self;
         integrator.name.to_owned().put(to);
         params.put(to);
         resolution.put(to);
@@ -116,6 +159,7 @@ impl Wire for Job {
             rr_start: Wire::take(from)?,
             filter: Wire::take(from)?,
             layers: Wire::take(from)?,
+            timing: None,
             sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
             seed: Wire::take(from)?,
             threads: Wire::take(from)?,

@@ -36,7 +36,7 @@ const PARALLEL_SINE: f32 = 1e-5;
 pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
-    let (rows, textures) = materials::rows(desc, &mut notes)?;
+    let (rows, textures, delays) = materials::rows(desc, &mut notes)?;
     let unbound = lights::compile(desc, &mut notes)?;
     let count = desc.entities.iter().map(|e| match &e.shape {
         ShapeDesc::Mesh(m) => m.triangles.len(),
@@ -54,6 +54,7 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
         tangents: Vec::new(),
         spheres: Vec::new(),
         materials: rows,
+        delays,
         textures,
         emitters: Vec::new(),
         points: unbound.points,

@@ -1,5 +1,6 @@
 //! From a description to the flat arrays that a backend renders.
 
+mod delays;
 mod flatten;
 mod lights;
 mod materials;
@@ -8,13 +9,14 @@ mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
 
+pub use delays::{DelayParam, DelayProfile, Delays, Part};
 pub use flatten::{MAX_PRIMITIVES, compile};
 pub use lights::{DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{Distribution, MaskMode, Model};
+pub use super::desc::{DelayKind, Distribution, MaskMode, Model};
 pub use materials::diffuse_reflectance;
 
 /// Marks the absence of a texture or of a light in an index.
@@ -36,6 +38,8 @@ pub struct CompiledScene {
     pub spheres: Vec<Sphere>,
     /// Material rows; primitives index them.
     pub materials: Vec<Material>,
+    /// What material rows are composed of, and when they give light back.
+    pub delays: Delays,
     /// Textures; material rows index them.
     pub textures: Vec<Texture>,
     /// Emissive primitives, in order of primitive id.
@@ -215,6 +219,12 @@ impl CompiledScene {
             Some(a) => a.emitter,
             None => self.spheres[i - self.attributes.len()].emitter,
         }
+    }
+
+    /// Whether shading a material row, or a part of it, needs tangents.
+    pub fn uses_tangents(&self, material: u32) -> bool {
+        let uses = |row: u32| self.materials[row as usize].uses_tangents();
+        uses(material) || self.delays.parts(material).iter().any(|part| uses(part.material))
     }
 
     /// Number of primitives.

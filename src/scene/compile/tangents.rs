@@ -10,7 +10,7 @@ use super::CompiledScene;
 /// Without texture coordinates no direction is that of growing u: the tangents are zero then, and shading takes an
 /// arbitrary frame.
 pub(super) fn add(scene: &mut CompiledScene, first: usize, has_uvs: bool) {
-    let uses = scene.attributes[first..].iter().any(|a| scene.materials[a.material as usize].uses_tangents());
+    let uses = scene.attributes[first..].iter().any(|a| scene.uses_tangents(a.material));
     if uses || !scene.tangents.is_empty() {
         scene.tangents.resize(scene.triangles.len(), [Vec4::ZERO; 3]);
     }

@@ -54,6 +54,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         rr_start: Some(3),
         filter: FilterSpec { kind: FilterKind::Gauss, radius },
         films: Vec::new(),
+        timing: None,
         sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
@@ -226,7 +227,14 @@ impl Teller {
         if matches!(cell, CellRef::Reference(_)) {
             rows.iter_mut().for_each(|row| row.metrics.clear());
         }
-        let event = Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), rows: Arc::new(rows) };
+        let event = Event::CellFinished {
+            cell,
+            outcome,
+            film: None,
+            layers: Arc::default(),
+            times: None,
+            rows: Arc::new(rows),
+        };
         self.events.push((event, self.clock_s));
         self
     }

@@ -91,6 +91,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
         max_depth: job.max_depth,
         rr_start: job.rr_start,
         settings: &Settings::new(&job.params),
+        timing: None,
     };
     let (mut total, mut unweighted, mut strategies) = (Vec3::ZERO, Vec3::ZERO, 0u32);
     let mut sampler = (job.sampler.start)(job.seed, pixel, u64::from(index));

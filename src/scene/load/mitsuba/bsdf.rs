@@ -287,7 +287,15 @@ impl Reader<'_> {
         self.base(o, "base_color", 0.5)?;
         self.m.metallic = self.part(o, "metallic", 0.0, Some(TextureSlot::Metallic))?;
         self.m.roughness = self.part(o, "roughness", 0.5, Some(TextureSlot::Roughness))?;
-        self.m.opacity = 1.0 - self.part(o, "spec_trans", 0.0, None)?;
+        self.m.opacity = 1.0;
+        match o.item("spec_trans") {
+            Some(Item::Object(t)) => {
+                if let Some(read) = self.textures.read(t, self.notes)? {
+                    self.slot(o, TextureSlot::Opacity, read.linear().mapped(|x| 1.0 - x));
+                }
+            }
+            _ => self.m.opacity = 1.0 - self.part(o, "spec_trans", 0.0, None)?,
+        }
         self.m.anisotropic = self.part(o, "anisotropic", 0.0, None)?;
         self.m.specular_tint = self.part(o, "spec_tint", 0.0, None)?;
         self.m.sheen = self.part(o, "sheen", 0.0, None)?;

@@ -11,6 +11,7 @@
 //! What is read of each plugin stands in `docs/formats.md`; all else becomes a [`Note`].
 
 mod bsdf;
+mod delay;
 mod emitter;
 mod metals;
 mod sensor;
@@ -31,6 +32,7 @@ use self::texture::Textures;
 use self::tree::{Item, Object};
 use super::{Missing, bare, scn};
 use crate::scene::desc::{EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, SceneDesc, Transform};
+use crate::scene::names::Names;
 use crate::scene::{Note, SceneError};
 
 /// The resolution of a film that says none.
@@ -71,24 +73,6 @@ fn beside(o: &Object, file: &str) -> PathBuf {
 /// In single precision.
 fn affine(map: &DAffine3) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(map.matrix3.as_mat3()), translation: Vec3A::from(map.translation.as_vec3()) }
-}
-
-/// Names that are taken, for things and for materials.
-#[derive(Default)]
-struct Names(BTreeMap<String, usize>);
-
-impl Names {
-    /// The stem, with the first free number from 2 on where it is taken.
-    fn give(&mut self, stem: &str) -> String {
-        let mut name = stem.to_owned();
-        while self.0.contains_key(&name) {
-            let number = self.0.entry(stem.to_owned()).or_insert(1);
-            *number += 1;
-            name = format!("{stem}_{number}");
-        }
-        self.0.insert(name.clone(), 1);
-        name
-    }
 }
 
 struct Builder {
@@ -170,7 +154,13 @@ impl Builder {
             return Ok(known.clone());
         }
         let name = self.names.give(o.id.as_deref().or(stem).unwrap_or("surface"));
-        let Surface { material, uv } = bsdf::read(o, &name, &mut self.textures, &mut self.notes)?;
+        // Opaque surfaces reflect on both sides here.
+        let inner =
+            if o.kind == "twosided" { o.children("bsdf").next().filter(|b| delay::is_delayed(b)) } else { None };
+        let Surface { material, uv } = match inner.cloned().or_else(|| delay::is_delayed(o).then(|| o.clone())) {
+            Some(delayed) => delay::read(self, &delayed, &name)?,
+            None => bsdf::read(o, &name, &mut self.textures, &mut self.notes)?,
+        };
         self.materials.push(material);
         self.surfaces.insert(Rc::as_ptr(o), (name.clone(), uv));
         Ok((name, uv))

@@ -40,6 +40,8 @@ struct Taken {
     up: bool,
     /// The bits of a map of texture coordinates.
     uv: Option<[u32; 6]>,
+    /// Whether its own place mirrors it, which turns the front round where the file has no normals.
+    mirrors: bool,
 }
 
 /// Meshes that were read, shared by all shapes that take them alike.
@@ -65,7 +67,7 @@ impl Meshes {
         };
         match o.kind.as_str() {
             "obj" | "ply" => {
-                let mesh = self.file(o, flipped, uv, notes)?;
+                let mesh = self.file(o, &transform, flipped, uv, notes)?;
                 let stem = mesh.file.file_stem().map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
                 Ok(Some(Placed { shape: ShapeDesc::Mesh(mesh), transform, stem }))
             }
@@ -113,6 +115,7 @@ impl Meshes {
     fn file(
         &mut self,
         o: &Object,
+        transform: &DAffine3,
         flipped: bool,
         uv: Option<UvAffine>,
         notes: &mut Vec<Note>,
@@ -121,12 +124,14 @@ impl Meshes {
             return Err(o.error(format!("a shape `{}` needs a `filename`", o.kind)));
         };
         let is_obj = o.kind == "obj";
+        let mirrors = transform.matrix3.determinant() < 0.0;
         let taken = Taken {
             file: super::beside(o, name),
             flat: o.flag("face_normals", false)?,
             flipped,
             up: o.flag("flip_tex_coords", is_obj)?,
             uv: uv.map(|map| map.map(f32::to_bits)),
+            mirrors,
         };
         if let Some(mesh) = self.files.get(&taken) {
             return Ok(mesh.clone());
@@ -139,6 +144,10 @@ impl Meshes {
         // The shape's surface is the only one.
         mesh.slots = vec![String::new()];
         mesh.triangle_slot.fill(0);
+        // Normals, which are in a file or not made before its shape stands in its place, decide which side is the front.
+        if mirrors && (taken.flat || mesh.normals.is_empty()) {
+            mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
         if taken.flat {
             mesh.normals = Vec::new();
         } else if mesh.normals.is_empty() {
