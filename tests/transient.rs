@@ -9,5 +9,7 @@ mod common;
 mod arrival;
 #[path = "transient/composed.rs"]
 mod composed;
+#[path = "transient/loaders.rs"]
+mod loaders;
 #[path = "transient/mitransient.rs"]
 mod mitransient;

@@ -31,6 +31,7 @@ mod text;
 mod trace;
 mod until;
 pub mod verify;
+mod view;
 mod watch;
 mod worker;
 
@@ -88,6 +89,7 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Metric(args) => compare::metric(args, global),
         Verb::Diff(args) => compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),
+        Verb::View(args) => view::main(args, global),
         Verb::Report(args) => report::main(args, global),
         Verb::Trace(args) => trace::main(args, global),
         Verb::Completions { shell } => docs::completions(*shell),

@@ -112,7 +112,8 @@ impl<'a> Recorder<'a> {
         let facts = self.facts(cell, open);
         let fields = json!({
             "run": facts.run, "path": self.path(cell), "device": open.device,
-            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes,
+            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes, "accel_bytes": open.accel_bytes,
+            "accel_cost": open.accel_cost,
         });
         self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
         self.tell("cell_started", &fields);
@@ -195,9 +196,10 @@ impl<'a> Recorder<'a> {
         self.patiently(|| writer.write(&format!("{name}.png"), &shown))?;
         let layers = apart.layers;
         self.keep_layers(cell, &writer, layers, &metadata)?;
-        if let Some(times) = apart.times {
-            self.keep_times(cell, &writer, times, &metadata)?;
-        }
+        let stills = match apart.times {
+            Some(times) => self.keep_times(cell, &writer, times, &metadata)?,
+            None => Vec::new(),
+        };
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
         if !floors.is_empty() {
@@ -212,29 +214,34 @@ impl<'a> Recorder<'a> {
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
-        if apart.times.is_some() {
-            done["time"] = true.into();
+        if let (false, Some(films)) = (stills.is_empty(), done["films"].as_array_mut()) {
+            films.extend(stills.into_iter().map(Json::from));
+        } else if !stills.is_empty() {
+            done["films"] = stills.into();
         }
         self.patiently(|| writer.finish(&done))
     }
 
-    /// Writes what a film with a time axis has to show.
+    /// Writes what a film with a time axis has to show, and says the names of its stills.
     fn keep_times(
         &self,
         cell: CellRef,
         writer: &RunWriter,
         times: &TimeCube,
         metadata: &[(String, String)],
-    ) -> Result<(), SinkError> {
+    ) -> Result<Vec<String>, SinkError> {
         let timing = match cell {
             CellRef::Cell(i) => self.plan.cells[i].config.timing.as_ref(),
             CellRef::Reference(_) => None,
         };
         let seconds = timing.and_then(|timing| timing.seconds());
+        let mut stills = Vec::new();
         for file in time::files(times, seconds, metadata).map_err(failed)? {
             self.patiently(|| writer.write(&format!("{FILMS}/{}", file.name), &file.bytes))?;
+            let still = file.name.strip_suffix(".exr").filter(|name| time::still_length(name).is_some());
+            stills.extend(still.map(str::to_owned));
         }
-        Ok(())
+        Ok(stills)
     }
 
     /// Writes the films of all layers, and the sheets on which they stand side by side.
@@ -456,6 +463,8 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "processor": Host::here().cpu,
         "accel_build_s": open.accel_build_s,
         "accel_nodes": open.accel_nodes,
+        "accel_bytes": open.accel_bytes,
+        "accel_cost": open.accel_cost,
         "scene_hash": facts.scene_hash,
         "program": PROGRAM,
         "finished": utc(SystemTime::now()),

@@ -117,6 +117,7 @@ fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) ->
                 outcome: Outcome::Cached(run.folder),
                 rows: Arc::new(run.rows),
                 floors: run.floors,
+                open: run.open,
             });
         }
     }

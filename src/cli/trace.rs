@@ -9,13 +9,18 @@ use super::args::{Global, TraceArgs};
 use super::exit::{Exit, Failure, data, talk};
 use super::load;
 use super::reproduce::again;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, backend};
+use crate::scene::compile::NONE;
 use crate::scene::{CompiledScene, compile};
 use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, sampler};
 use crate::value::suggest;
+
+/// Triangles and spheres up to which scenes with copies of meshes are unfolded.
+const MOST_UNFOLDED: usize = 1 << 24;
 
 /// Prints the steps.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
@@ -25,6 +30,14 @@ pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
     } else {
         let (scene, job) = of_scene(args, global)?;
         (scene, job, None)
+    };
+    // Backends number the triangles of copies alike only where each has its own.
+    let scene = if scene.instances.places.is_empty() {
+        scene
+    } else {
+        scene.flattened(MOST_UNFOLDED).map(Arc::new).map_err(|found| {
+            Failure::usage(format!("its copies of meshes are {found} triangles; at most {MOST_UNFOLDED} can be traced"))
+        })?
     };
     let [width, height] = job.resolution;
     let [x, y] = args.pixel;
@@ -71,6 +84,7 @@ fn of_scene(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Jo
         filter: FilterSpec::PIXEL,
         layers: Vec::new(),
         timing: None,
+        accel: AccelSpec::default(),
         sampler: sampler(&args.sampler).ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
         seed: args.seed,
         threads: global.threads,
@@ -80,7 +94,7 @@ fn of_scene(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Jo
 
 /// What a primitive is called: its kind, number and the model of its material.
 fn primitive(scene: &CompiledScene, id: u32) -> String {
-    let material = &scene.materials[scene.material_of(id) as usize];
+    let material = &scene.materials[scene.material_of(id, NONE) as usize];
     let i = id as usize;
     let (kind, i) = if i < scene.triangles.len() { ("triangle", i) } else { ("sphere", i - scene.triangles.len()) };
     format!("{kind} {i} ({})", material.model.word())

@@ -255,6 +255,8 @@ pub struct FinishedRun {
     pub rows: Vec<WaveRow>,
     /// The noise floors of what it was measured against, if they were known.
     pub floors: Floors,
+    /// What opening it cost.
+    pub open: OpenStats,
 }
 
 /// A limit at which the night pauses by itself, for someone who wants to look. It is no stop rule: those decide what a

@@ -7,6 +7,7 @@ use super::event::WaveRow;
 use super::stop::StopRule;
 use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
+use crate::render::hierarchy::AccelSpec;
 use crate::transport::camera::FilterSpec;
 use crate::transport::flight::Timing;
 use crate::value::Value;
@@ -154,6 +155,16 @@ pub enum TableValue {
     RenderS,
     /// Million camera paths per second of render time.
     MpathsPerS,
+    /// Million rays per second of render time.
+    MraysPerS,
+    /// Seconds spent building the hierarchy.
+    AccelBuildS,
+    /// Nodes of the hierarchy.
+    AccelNodes,
+    /// Mebibytes of the hierarchy and the primitives in it.
+    AccelMib,
+    /// What a ray through the scene's box costs by the surface area heuristic.
+    AccelCost,
     /// Render seconds until a metric column first reached a threshold.
     TimeTo {
         /// The column.
@@ -214,6 +225,8 @@ pub struct CellConfig {
     pub timing: Option<Timing>,
     /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
     pub sampler: String,
+    /// How the hierarchy is built through which rays are traced.
+    pub accel: AccelSpec,
     /// Changes to the scene by path, `camera` ones included.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.

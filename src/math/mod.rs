@@ -2,6 +2,7 @@
 
 pub mod discovery;
 pub mod distribution;
+pub mod elementary;
 pub mod frame;
 pub mod piecewise;
 pub mod rng;

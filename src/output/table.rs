@@ -83,7 +83,7 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
             continue;
         }
         finished += 1;
-        if let Some(sample) = sample(plan, &spec.value, &result.rows) {
+        if let Some(sample) = sample(plan, &spec.value, result) {
             samples.entry((keys(&spec.rows, cell), keys(&spec.cols, cell))).or_default().push(sample);
         }
     }
@@ -107,13 +107,21 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
 }
 
 /// What one finished run contributes, if it has the value at all.
-fn sample(plan: &Plan, value: &TableValue, rows: &[WaveRow]) -> Option<Sample> {
+fn sample(plan: &Plan, value: &TableValue, result: &CellResult) -> Option<Sample> {
+    let (rows, open) = (&result.rows, &result.open);
     let last = rows.last()?;
+    let known = |x: f64| (x > 0.0).then_some(x);
     Some(match value {
         TableValue::Metric(name) => Sample::Value(*last.metrics.get(labels::column(plan, name)?.0)?),
         TableValue::Samples => Sample::Value(last.samples as f64),
         TableValue::RenderS => Sample::Value(last.render_s),
         TableValue::MpathsPerS => Sample::Value(last.mpaths_per_s()),
+        TableValue::MraysPerS if last.render_s > 0.0 => Sample::Value(last.rays as f64 / last.render_s / 1e6),
+        TableValue::MraysPerS => return None,
+        TableValue::AccelBuildS => Sample::Value(known(open.accel_build_s)?),
+        TableValue::AccelNodes => Sample::Value(open.accel_nodes as f64),
+        TableValue::AccelMib => Sample::Value(known(open.accel_bytes as f64 / f64::from(1 << 20))?),
+        TableValue::AccelCost => Sample::Value(known(open.accel_cost)?),
         TableValue::TimeTo { column, threshold } => {
             let (index, metric) = labels::column(plan, column)?;
             last.metrics.get(index)?;
@@ -151,6 +159,11 @@ fn short_name(plan: &Plan, value: &TableValue) -> String {
         TableValue::Samples => "samples per pixel".to_owned(),
         TableValue::RenderS => "render time (s)".to_owned(),
         TableValue::MpathsPerS => "Mpaths/s".to_owned(),
+        TableValue::MraysPerS => "Mrays/s".to_owned(),
+        TableValue::AccelBuildS => "build (s)".to_owned(),
+        TableValue::AccelNodes => "nodes".to_owned(),
+        TableValue::AccelMib => "hierarchy (MiB)".to_owned(),
+        TableValue::AccelCost => "SAH cost".to_owned(),
         TableValue::TimeTo { .. } => "time to reach it (s)".to_owned(),
     }
 }
@@ -177,6 +190,13 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
         TableValue::Samples => "Samples per pixel at the end".to_owned(),
         TableValue::RenderS => "Render time at the end in seconds".to_owned(),
         TableValue::MpathsPerS => "Million camera paths per second of render time".to_owned(),
+        TableValue::MraysPerS => "Million rays per second of render time".to_owned(),
+        TableValue::AccelBuildS => "Seconds spent building the hierarchy".to_owned(),
+        TableValue::AccelNodes => "Nodes of the hierarchy".to_owned(),
+        TableValue::AccelMib => "Mebibytes of the hierarchy with its primitives".to_owned(),
+        TableValue::AccelCost => {
+            "Nodes and primitives that a ray through the scene's box meets, by the surface area heuristic".to_owned()
+        }
         TableValue::TimeTo { column, threshold } => match labels::column(plan, column) {
             Some((_, m)) => {
                 let sign = match m.row.better {
@@ -397,6 +417,11 @@ mod tests {
         assert_eq!(value(TableValue::Samples), Entry::Mean(2.0));
         assert_eq!(value(TableValue::RenderS), Entry::Mean(4.0));
         assert_eq!(value(TableValue::MpathsPerS), Entry::Mean(1.0));
+        assert_eq!(value(TableValue::MraysPerS), Entry::Mean(4.0));
+        assert_eq!(value(TableValue::AccelBuildS), Entry::Mean(0.25));
+        assert_eq!(value(TableValue::AccelNodes), Entry::Mean(100.0));
+        assert_eq!(value(TableValue::AccelMib), Entry::Mean(3.0));
+        assert_eq!(value(TableValue::AccelCost), Entry::Mean(12.5));
         assert!(matches!(value(TableValue::Metric("rmse".to_owned())), Entry::Mean(x) if x.is_nan()));
         assert_eq!(value(TableValue::Metric("nothing".to_owned())), Entry::Empty);
     }

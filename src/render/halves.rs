@@ -142,7 +142,8 @@ mod tests {
     }
 
     fn run(value: f64) -> Box<dyn Renderer> {
-        let open_stats = OpenStats { accel_build_s: value, device: "constant".into(), ..OpenStats::default() };
+        let open_stats =
+            OpenStats { accel_build_s: value, accel_nodes: 7, device: "constant".into(), ..OpenStats::default() };
         Box::new(Constant { film: Film::new(1, 1), value, open_stats })
     }
 

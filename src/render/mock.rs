@@ -34,6 +34,7 @@ pub const ROW: BackendRow = BackendRow {
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),
+    accel: true,
     open: |scene, job| {
         if job.timing.is_some() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it counts no time".into() });
@@ -168,6 +169,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::render::hierarchy::AccelSpec;
     use crate::scene::desc::{CameraDesc, Optics};
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
@@ -178,6 +180,7 @@ mod tests {
             content_hash: [7; 32],
             triangles: Vec::new(),
             attributes: Vec::new(),
+            instances: Default::default(),
             spheres: Vec::new(),
             materials: Vec::new(),
             delays: Default::default(),
@@ -213,6 +216,7 @@ mod tests {
             layers: Vec::new(),
             timing: None,
             sampler: INDEPENDENT,
+            accel: AccelSpec::default(),
             seed,
             threads: 1,
         }

@@ -6,6 +6,7 @@
 pub mod choice;
 pub mod cpu;
 pub mod halves;
+pub mod hierarchy;
 pub mod mock;
 pub mod paths;
 #[cfg(feature = "vulkan")]
@@ -16,6 +17,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
+use self::hierarchy::AccelSpec;
 use self::paths::{SampleAt, Step};
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
@@ -49,6 +51,9 @@ pub struct Job {
     pub timing: Option<Timing>,
     /// Where the numbers of samples come from.
     pub sampler: &'static SamplerRow,
+    /// How the hierarchy is built through which rays are traced, where the backend builds one itself. Never changes the
+    /// picture.
+    pub accel: AccelSpec,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
@@ -99,6 +104,11 @@ pub struct OpenStats {
     pub accel_build_s: f64,
     /// Their number of nodes.
     pub accel_nodes: u64,
+    /// Bytes of nodes and primitives as traversal reads them; 0 if that is not known.
+    pub accel_bytes: u64,
+    /// What a ray costs that meets the scene's box, by the surface area heuristic: the nodes that it visits plus the
+    /// primitives that it is tested with; 0 if that is not known.
+    pub accel_cost: f64,
     /// A line for people: device, builder, threads.
     pub device: String,
 }
@@ -217,6 +227,9 @@ pub struct BackendRow {
     /// A hash of what of it is not as it was built, if anything: part of the identity of runs. The error says what is wrong
     /// with it.
     pub edited: fn() -> Result<Option<String>, String>,
+    /// Whether it builds its hierarchy as a run's `accel` says. If not, a plan that asks it for anything but the default is
+    /// refused.
+    pub accel: bool,
     /// Starts a run.
     pub open: OpenFn,
     /// Says what single samples of a job do, in this process; layers are left out.

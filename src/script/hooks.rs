@@ -164,6 +164,7 @@ impl Script {
         const PATH: &str = "reference.from";
         let (own, own_place) = self.render_table(point)?;
         let Some(from) = from else {
+            let own = render::merge(&own, &BTreeMap::new());
             return render::cell(&own, &self.shared.folder, "render").map_err(|e| self.blame(&own_place, e));
         };
         let place = self.shared.function_place(from);

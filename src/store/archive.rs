@@ -13,6 +13,7 @@ use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
 use crate::film::Image;
+use crate::render::OpenStats;
 
 /// Decodes the bytes of a picture; the error is for people. Handed in, because this room knows no image format.
 pub type Decode = fn(&[u8]) -> Result<Image, String>;
@@ -219,7 +220,20 @@ fn finished(
     });
     let floor = |column: &String| done["floors"].get(column).and_then(number);
     let floors = if done["floors"].is_object() { columns.iter().map(floor).collect() } else { Vec::new() };
-    Ok(Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into() }))
+    let open = open_stats(&done);
+    Ok(Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into(), open }))
+}
+
+/// What a run's last file, or the journal, says of how it was opened.
+pub(super) fn open_stats(json: &Json) -> OpenStats {
+    OpenStats {
+        device: json["device"].as_str().unwrap_or_default().to_owned(),
+        accel_build_s: json["accel_build_s"].as_f64().unwrap_or(0.0),
+        accel_nodes: json["accel_nodes"].as_u64().unwrap_or(0),
+        accel_bytes: json["accel_bytes"].as_u64().unwrap_or(0),
+        accel_cost: json["accel_cost"].as_f64().unwrap_or(0.0),
+        ..OpenStats::default()
+    }
 }
 
 /// A number as Lumbre writes it into JSON, which has no infinities.

@@ -141,6 +141,7 @@ fn config_json(config: &CellConfig) -> Json {
         "films": config.films.iter().map(|layer| layer.row().name).collect::<Vec<_>>(),
         "film": config.timing.as_ref().map(|timing| timing.to_film(true).to_json()),
         "sampler": config.sampler,
+        "accel": Value::Map(config.accel.identity()).to_json(),
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,
     })

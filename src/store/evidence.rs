@@ -101,6 +101,7 @@ impl Reader<'_> {
             resolution: side(0).zip(side(1)).map(|(w, h)| [w, h]),
             device: done.as_ref().and_then(device),
             accel: done.as_ref().and_then(|d| Some((d["accel_build_s"].as_f64()?, d["accel_nodes"].as_u64()?))),
+            accel_size: done.as_ref().and_then(|d| Some((d["accel_bytes"].as_u64()?, d["accel_cost"].as_f64()?))),
             reference: cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok()),
             pictures: pictures(&folder, done.as_ref()),
             films: films.unwrap_or_default(),

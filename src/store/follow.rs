@@ -425,12 +425,7 @@ impl Follower {
     fn start(&mut self, cell: CellRef, line: &Json) -> (Seen, Run) {
         let folder = self.place(cell);
         let config = read_json(&folder.join("config.json")).and_then(|json| outline::config(&json["render"]));
-        let open = OpenStats {
-            device: line["device"].as_str().unwrap_or_default().to_owned(),
-            accel_build_s: line["accel_build_s"].as_f64().unwrap_or(0.0),
-            accel_nodes: line["accel_nodes"].as_u64().unwrap_or(0),
-            ..OpenStats::default()
-        };
+        let open = super::archive::open_stats(line);
         let reference = match cell {
             CellRef::Cell(i) => self.cells.get(i).and_then(|(_, reference)| *reference),
             CellRef::Reference(_) => None,

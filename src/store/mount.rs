@@ -43,7 +43,7 @@ mod tests {
             40 22 0:40 / /scratch rw,relatime shared:1 - lustre mds@tcp:/fs rw\n\
             41 40 0:41 / /scratch/a\\040b rw - nfs4 server:/x rw\n";
         let kind = |path: &str| kind_in(mounts, Path::new(path)).unwrap();
-        assert_eq!(kind("/home/x"), "ext4");
+        assert_eq!(kind("/etc/x"), "ext4");
         assert_eq!(kind("/scratch/out"), "lustre");
         assert_eq!(kind("/scratch/a b/out"), "nfs4");
         assert_eq!(kind("/scratchy"), "ext4");

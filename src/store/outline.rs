@@ -11,6 +11,7 @@ use crate::experiment::{CellConfig, Point, StopRule};
 use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
+use crate::render::hierarchy::AccelSpec;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::flight::Timing;
 use crate::value::Value;
@@ -94,6 +95,7 @@ pub(super) fn config(json: &Json) -> Option<CellConfig> {
         films: list(&json["films"]).iter().filter_map(|name| Layer::from_name(name.as_str()?)).collect(),
         timing: Timing::from_film(&values(&json["film"]), "film").ok()?,
         sampler: text(&json["sampler"]),
+        accel: AccelSpec::from_map(&values(&json["accel"])),
         set: values(&json["set"]),
         backend: text(&json["backend"]),
         fallback: None,

@@ -39,6 +39,7 @@ fn config() -> Arc<CellConfig> {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         films: Vec::new(),
+        accel: Default::default(),
         timing: None,
         sampler: "independent".to_owned(),
         set: Default::default(),

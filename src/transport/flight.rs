@@ -137,7 +137,7 @@ impl<'a> Flight<'a> {
     #[inline]
     pub fn arrive<'s>(&mut self, context: &Context<'s>, ray: &Ray, hit: &Hit, chance: &mut Chance) -> Surface<'s> {
         let scene = context.scene;
-        let mut row = scene.material_of(hit.primitive);
+        let mut row = scene.material_of(hit.primitive, hit.instance);
         self.part = None;
         if let Some(chance) = chance.0.as_mut().filter(|_| !scene.delays.is_empty()) {
             let parts = scene.delays.parts(row);
@@ -162,7 +162,7 @@ impl<'a> Flight<'a> {
             self.free = false;
             self.stamp.delay = 0.0;
             if let (Some(chosen), Some(chance)) = (self.part, &mut chance.0) {
-                let part = &scene.delays.parts(scene.material_of(hit.primitive))[chosen as usize];
+                let part = &scene.delays.parts(scene.material_of(hit.primitive, hit.instance))[chosen as usize];
                 let profiles = scene.delays.profiles(part).iter();
                 self.stamp.delay = delay::sample_all(profiles, &scene.textures, surface.uv, chance);
             }

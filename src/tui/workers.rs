@@ -45,10 +45,13 @@ pub fn lines(look: Look, workers: &[WorkerLine], width: usize, height: usize) ->
 fn line(look: Look, worker: &WorkerLine, widest: usize, width: usize) -> Line<'static> {
     let ellipsis = look.glyphs().ellipsis;
     let node = words::fit(&words::clean(&worker.node), widest, ellipsis);
-    let age =
-        if worker.lost { format!("lost {}", words::duration(worker.age_s)) } else { words::duration(worker.age_s) };
+    let age = if worker.age_s < 60.0 { format!("{:.0} s", worker.age_s) } else { words::duration(worker.age_s) };
+    let age = if worker.lost { format!("lost {age}") } else { age };
     let room = width.saturating_sub(widest + words::width(&age) + 2);
-    let text = words::clean(&format!("{}  {}", worker.doing, worker.device));
+    let doing = words::clean(&worker.doing);
+    // A device of which only a letter would be seen is left out.
+    let seen = room.saturating_sub(words::width(&doing) + 2);
+    let text = if seen >= 8 { format!("{doing}  {}", words::clean(&worker.device)) } else { doing };
     let text = words::fit(&text, room, ellipsis);
     let gap = " ".repeat(room - words::width(&text).min(room) + 1);
     let pad = " ".repeat(widest - words::width(&node).min(widest) + 1);

@@ -138,7 +138,7 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
 
     // A job that nobody wants any more.
     place.write("slow.lua", &script(400_000));
-    let id = run(&["submit", "slurm", "slow.lua", "--workers", "2", "--affinity", "none"]).trim().to_owned();
+    let id = run(&["submit", "slurm", "slow.lua", "--workers", "2", "--time", "00:10:00"]).trim().to_owned();
     let home = super::night::home(&place, "out");
     until(&place, &home, "its workers", || slurm.states(&id).values().any(|state| state == "RUNNING"));
     run(&["cancel", &home]);

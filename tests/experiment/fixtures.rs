@@ -159,6 +159,7 @@ pub fn config() -> CellConfig {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         films: Vec::new(),
+        accel: Default::default(),
         timing: None,
         sampler: "independent".to_owned(),
         set: BTreeMap::new(),

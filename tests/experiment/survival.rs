@@ -43,7 +43,12 @@ impl History for Kept {
         }
         self.theirs.set(self.theirs.get() - 1);
         if self.theirs.get() == 0 {
-            let run = FinishedRun { folder: "theirs".into(), rows: Vec::new(), floors: Default::default() };
+            let run = FinishedRun {
+                folder: "theirs".into(),
+                rows: Vec::new(),
+                floors: Default::default(),
+                open: Default::default(),
+            };
             self.finished.borrow_mut().insert(plan.id(cell).clone(), run);
         }
         Ok(Claim::Theirs("process 7".to_owned()))

@@ -5,7 +5,6 @@ use super::source::{root, rust_files, text};
 /// Shaders without an original of the same name: what Rust takes from its libraries, and types that Rust keeps in `mod.rs`
 /// but that GLSL must read before what `mod.glsl` includes.
 const ALONE: &[(&str, &str)] = &[
-    ("math/elementary.glsl", "glam"),
     ("transport/bsdf/lobe.glsl", "src/transport/bsdf/mod.rs"),
     ("transport/light/types.glsl", "src/transport/light/mod.rs"),
 ];
@@ -53,7 +52,7 @@ fn every_twin_lies_where_its_original_lies_and_names_it() {
         let alone = ALONE.iter().find(|(name, _)| *name == shader).map(|(_, original)| (*original).to_owned());
         let original = alone.unwrap_or_else(|| format!("src/{}", shader.replace(".glsl", ".rs")));
         assert!(first.contains(&original), "shaders/{shader} does not name {original} in its first line");
-        assert!(original == "glam" || root().join(&original).is_file(), "shaders/{shader} has no original {original}");
+        assert!(root().join(&original).is_file(), "shaders/{shader} has no original {original}");
     }
 }
 

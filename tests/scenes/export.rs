@@ -40,6 +40,7 @@ fn picture(desc: &SceneDesc) -> Image {
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
         timing: None,
+        accel: Default::default(),
         sampler: INDEPENDENT,
         seed: 7,
         threads: 0,

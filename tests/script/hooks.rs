@@ -3,6 +3,8 @@
 use lumbre::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{StopRule, WaveRow};
+use lumbre::render::hierarchy::{AccelSpec, Builder};
+use lumbre::scene::compile::Sharing;
 use lumbre::script::{Script, ScriptError};
 use lumbre::transport::camera::FilterKind;
 use lumbre::value::Value;
@@ -100,6 +102,23 @@ end }";
         panic!("a rendered reference")
     };
     assert_eq!(*config, script.render(&point(3)).unwrap(), "without `from` it is the cell's own");
+}
+
+#[test]
+fn references_have_the_usual_hierarchy_whatever_the_cell_has() {
+    let table = "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth,
+      accel = { builder = \"sah\", bins = 8, instances = \"always\" } }";
+    let folder = Folder::new(edited(TABLE, table));
+    let script = folder.load().unwrap();
+    let accel = script.render(&point(3)).unwrap().accel;
+    assert_eq!((accel.builder, accel.bins, accel.instances), (Builder::Sah, 8, Sharing::Always));
+    let Some(ReferenceRequest::Render { config, .. }) = script.reference(&point(3)).unwrap() else {
+        panic!("a rendered reference")
+    };
+    assert_eq!(config.accel, AccelSpec::default());
+    let (_folder, script) = load("max_depth = p.depth", "max_depth = p.depth, accel = { builder = \"bvh\" }");
+    let e = script_error(script.render(&point(3)));
+    assert!(e.to_string().contains("accel.builder"), "{e}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use lumbre::metrics::ztest::{Estimate, compare};
 use lumbre::render::{Job, Renderer};
+use lumbre::scene::compile::NONE;
 use lumbre::scene::desc::SceneDesc;
 use lumbre::scene::{CompiledScene, compile, edit, load};
 use lumbre::transport::camera::Camera;
@@ -119,7 +120,8 @@ impl Trace for Brute {
             let root = (b * b - c).sqrt();
             for t in [-b - root, -b + root].map(|t| t as f32) {
                 if t > 0.0 && t < nearest.map_or(t_max, |h| h.t) {
-                    nearest = Some(Hit { t, primitive: (self.0.triangles.len() + i) as u32, uv: [0.0; 2] });
+                    nearest =
+                        Some(Hit { t, primitive: (self.0.triangles.len() + i) as u32, instance: NONE, uv: [0.0; 2] });
                 }
             }
         }

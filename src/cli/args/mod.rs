@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 
 use crate::experiment::spec::Deadline;
 use crate::scene::load::Missing;
@@ -182,6 +182,11 @@ pub enum Verb {
     /// FILE is a scene, rendered as the options say, or a run's folder, whose `config.json` says how. The steps are the
     /// same on every backend but for rounding; --backend chooses.
     Trace(TraceArgs),
+    /// Look into the time axis of a run: frames, animations, streaks, curves and arrival
+    ///
+    /// Draws them anew from the arrays that a finished run with `film = { time = .. }` has left, for the moments, pixels
+    /// and regions that are asked for, into a folder. The last line of the output makes a video of them with ffmpeg.
+    View(ViewArgs),
     /// Print completions for a shell
     ///
     /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre

@@ -9,6 +9,7 @@ use serde_json::{Value as Json, json};
 use crate::cli::load;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, backend};
 use crate::scene::load::Missing;
 use crate::scene::{CompiledScene, compile};
@@ -85,6 +86,7 @@ fn one(
         layers: Vec::new(),
         timing: None,
         sampler: INDEPENDENT,
+        accel: AccelSpec::default(),
         seed: 1,
         threads: 0,
     };

@@ -15,6 +15,7 @@ use serde_json::{Value as Json, json};
 
 use crate::film::Film;
 use crate::math::stats::median;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, backend};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -67,6 +68,7 @@ pub fn measure(
         layers: Vec::new(),
         timing: None,
         sampler: INDEPENDENT,
+        accel: AccelSpec::default(),
         seed: 1,
         threads,
     };

@@ -17,8 +17,10 @@ use serde_json::{Value as Json, json};
 
 use crate::cli::args::BenchArgs;
 use crate::cli::builtin::{BuiltIn, short};
+use crate::cli::doctor;
 use crate::math::stats::median;
 use crate::render::cpu::lanes::Isa;
+use crate::store::Host;
 
 /// Starts of the program whose median is reported.
 const STARTS: usize = 11;
@@ -62,11 +64,21 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         rows.push(rates::measure(name, file, threads, repeats, [!args.mpaths, !args.traversal])?);
     }
     let isa = Isa::detect().name();
-    let mut text = format!("instructions: {isa}\n\n{}", rates::table(&rows));
+    let (host, features) = (Host::here(), doctor::cpu_features());
+    let mut text = format!(
+        "processor: {}, {} cores, with {}\ninstructions of rays: {isa}\n\n{}",
+        host.cpu,
+        host.cores,
+        features.join(" "),
+        rates::table(&rows)
+    );
     let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads },
         "repeats": repeats,
+        "processor": host.cpu,
+        "cores": host.cores,
+        "features": features,
         "instructions": isa,
         "relative_rmse": efficiency::RELATIVE_RMSE,
         "scenes": rows.iter().map(rates::Row::to_json).collect::<Vec<_>>(),

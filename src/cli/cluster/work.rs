@@ -250,6 +250,7 @@ impl Worker<'_> {
             outcome: Outcome::Failed(why),
             rows: Arc::default(),
             floors: Arc::default(),
+            open: Default::default(),
         }));
         night.results.sort_by_key(|result| match result.cell {
             CellRef::Reference(place) => (0, place),

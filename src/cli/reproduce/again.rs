@@ -10,9 +10,11 @@ use crate::cli::load::decode;
 use crate::film::layer::Layer;
 use crate::film::{Film, Image};
 use crate::render::halves::Halves;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer, backend};
+use crate::scene::compile::compile_sharing;
 use crate::scene::desc::content_hash;
-use crate::scene::{CompiledScene, SceneDesc, compile, edit};
+use crate::scene::{CompiledScene, SceneDesc, edit};
 use crate::script;
 use crate::store;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -97,7 +99,8 @@ pub fn job(folder: &Path, global: &Global) -> Result<(Arc<CompiledScene>, Job, S
     let config: Json = serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", file.display()))?;
     let folder = std::fs::canonicalize(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let scene = scene(&config["render"], started_in(&folder).as_deref(), global)?;
-    let (compiled, _) = compile(&scene).map_err(|e| e.to_string())?;
+    let sharing = accel_of(&config["render"]).instances;
+    let (compiled, _) = compile_sharing(&scene, sharing).map_err(|e| e.to_string())?;
     let seed = [&config["seed"], &config["seeds"][0]].into_iter().find_map(Json::as_u64);
     let job = Job { seed: seed.ok_or("its config.json has no seed")?, ..job_of(&config["render"], &scene, global)? };
     Ok((Arc::new(compiled), job, text(&config["render"], "backend")?.to_owned()))
@@ -105,6 +108,14 @@ pub fn job(folder: &Path, global: &Global) -> Result<(Arc<CompiledScene>, Job, S
 
 fn text<'a>(render: &'a Json, key: &str) -> Result<&'a str, String> {
     render[key].as_str().ok_or_else(|| format!("its config.json has no `render.{key}`"))
+}
+
+/// How a `render` table builds the hierarchy.
+fn accel_of(render: &Json) -> AccelSpec {
+    match Value::from_json(&render["accel"]) {
+        Value::Map(accel) => AccelSpec::from_map(&accel),
+        _ => AccelSpec::default(),
+    }
 }
 
 /// The job of a `render` table, but for its seed.
@@ -131,6 +142,7 @@ fn job_of(render: &Json, scene: &SceneDesc, global: &Global) -> Result<Job, Stri
         layers: films.filter_map(Layer::from_name).collect(),
         timing,
         sampler: text(render, "sampler").map(sampler)?.ok_or("its sampler is unknown")?,
+        accel: accel_of(render),
         seed: 0,
         threads: global.threads,
     })
@@ -148,7 +160,7 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         let name = text(render, "scene")?;
         return Err(format!("the scene {name} is not what it was (hash {hash:.8}, then {before:.8})"));
     }
-    let (compiled, _) = compile(&scene).map_err(|e| e.to_string())?;
+    let (compiled, _) = compile_sharing(&scene, accel_of(render).instances).map_err(|e| e.to_string())?;
     let job = job_of(render, &scene, global)?;
     let wanted = global.backend.as_deref().map_or_else(|| text(render, "backend"), Ok)?;
     let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`"))?;

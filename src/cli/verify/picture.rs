@@ -9,6 +9,7 @@ use super::{Outcome, SIGNIFICANCE, Verdict};
 use crate::film::{Film, Image};
 use crate::metrics::ztest::{self, Estimate, ZTest};
 use crate::render::cpu::renderer::CpuRenderer;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -95,6 +96,7 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         layers: Vec::new(),
         timing: None,
         sampler: INDEPENDENT,
+        accel: AccelSpec::default(),
         seed: setting.seed,
         threads: setting.threads,
     };

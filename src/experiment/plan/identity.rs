@@ -89,7 +89,10 @@ pub(super) fn picture(
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
     let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
-    fields.into_iter().chain(films).chain(film).map(|(key, value)| (key.to_owned(), value)).collect()
+    // Left out where it is as by default, for the same reason. It changes no picture, but what a run measures.
+    let accel = config.accel.identity();
+    let accel = (!accel.is_empty()).then_some(("accel", Value::Map(accel)));
+    fields.into_iter().chain(films).chain(film).chain(accel).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end.
@@ -193,6 +196,11 @@ fn table(table: &TableSpec) -> Value {
         TableValue::Samples => "samples".into(),
         TableValue::RenderS => "render_s".into(),
         TableValue::MpathsPerS => "mpaths_per_s".into(),
+        TableValue::MraysPerS => "mrays_per_s".into(),
+        TableValue::AccelBuildS => "accel_build_s".into(),
+        TableValue::AccelNodes => "accel_nodes".into(),
+        TableValue::AccelMib => "accel_mib".into(),
+        TableValue::AccelCost => "accel_cost".into(),
         TableValue::TimeTo { column, threshold } => {
             map([("time_to", column.as_str().into()), ("threshold", Value::number(*threshold))])
         }

@@ -86,14 +86,14 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        let timed = config.timing.is_some();
-        let refused =
-            |name: &str| render::backend(name).and_then(|backend| refusal(backend, row, max_depth, &scene, timed));
-        if let Some(able) = config.fallback.filter(|_| refused(&config.backend).is_some()) {
+        let refused = |config: &CellConfig| {
+            render::backend(&config.backend).and_then(|backend| refusal(backend, row, max_depth, &scene, config))
+        };
+        // What the script has left to the program goes to the backend that can do it.
+        if let Some(able) = config.fallback.filter(|_| refused(&config).is_some()) {
             (config.backend, config.fallback) = (able.to_owned(), None);
         }
-        let refused = refused(&config.backend);
-        if let Some(reason) = refused {
+        if let Some(reason) = refused(&config) {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
         let pixels = u64::from(width) * u64::from(height);
@@ -218,10 +218,13 @@ fn refusal(
     integrator: &IntegratorRow,
     max_depth: u32,
     scene: &SceneDesc,
-    timed: bool,
+    config: &CellConfig,
 ) -> Option<String> {
+    if !backend.accel && !config.accel.identity().is_empty() {
+        return Some(format!("its hierarchy is not built by `{}`: `accel` is for the CPU", config.accel.describe()));
+    }
     if !backend.times {
-        if timed {
+        if config.timing.is_some() {
             return Some(
                 "it does not count the time of light: leave out `film.time`, or render it on `cpu`".to_owned(),
             );

@@ -2,14 +2,13 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
 use super::waves::Waves;
-use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::spec::{CellConfig, Snapshots};
 use crate::experiment::standing::Standing;
@@ -18,8 +17,9 @@ use crate::film::layer::LayerImage;
 use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
-use crate::render::{Job, RenderError, Renderer, WaveStats};
-use crate::scene::{CompiledScene, SceneDesc, compile};
+use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::scene::compile::compile_sharing;
+use crate::scene::{CompiledScene, SceneDesc};
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 
@@ -51,11 +51,14 @@ pub(super) struct Ended {
     pub(super) halves: Option<[Arc<Film>; 2]>,
     /// The noise floors of what it was measured against.
     pub(super) floors: Floors,
+    /// What opening it cost.
+    pub(super) open: OpenStats,
 }
 
 impl Ended {
-    pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), rows, ..Ended::failed(String::new()) }
+    pub(super) fn cached(run: FinishedRun) -> Ended {
+        let FinishedRun { folder, rows, floors, open } = run;
+        Ended { outcome: Outcome::Cached(folder), rows, floors, open, ..Ended::failed(String::new()) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
@@ -67,6 +70,7 @@ impl Ended {
             rows: Vec::new(),
             halves: None,
             floors: Floors::default(),
+            open: OpenStats::default(),
         }
     }
 }
@@ -180,8 +184,9 @@ impl Night<'_, '_> {
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
         let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
+        let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
         let rows = progress.standing.rows;
-        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default() }
+        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default(), open }
     }
 
     /// Decides how a run is tried again that came to nothing, and says so; false if there is no time left for it.
@@ -314,16 +319,19 @@ impl Night<'_, '_> {
 
     /// The compiled form of a scene. The last one is kept, for cells that differ in technique, depth or seed alone.
     pub(super) fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
-        if let Some((desc, compiled)) = &self.compiled
+        let sharing = work.config.accel.instances;
+        if let Some((desc, before, compiled)) = &self.compiled
             && Arc::ptr_eq(desc, work.scene)
+            && *before == sharing
         {
             return Ok(Arc::clone(compiled));
         }
         // Dropped first: two large scenes need not fit into memory at once.
         self.compiled = None;
-        let (compiled, notes) = guard("compiling the scene", || compile(work.scene))?.map_err(|e| e.to_string())?;
+        let (compiled, notes) =
+            guard("compiling the scene", || compile_sharing(work.scene, sharing))?.map_err(|e| e.to_string())?;
         let compiled = Arc::new(compiled);
-        self.compiled = Some((Arc::clone(work.scene), Arc::clone(&compiled)));
+        self.compiled = Some((Arc::clone(work.scene), sharing, Arc::clone(&compiled)));
         for note in notes {
             if self.told.insert(note.clone()) {
                 self.say(Level::Warn, work.cell, note.to_string())?;
@@ -352,6 +360,7 @@ impl Night<'_, '_> {
             layers: config.films.clone(),
             timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
+            accel: config.accel,
             seed: 0,
             threads: self.options.threads,
         };

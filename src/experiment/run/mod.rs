@@ -29,7 +29,7 @@ use super::floors::Floors;
 use super::groups::Begin;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
-use crate::render::{self, Job, RenderError, Renderer};
+use crate::render::{self, Job, OpenStats, RenderError, Renderer};
 use crate::scene::CompiledScene;
 
 /// How one cell or reference of the plan ended.
@@ -43,6 +43,8 @@ pub struct CellResult {
     pub rows: Arc<Vec<WaveRow>>,
     /// The noise floors of what it was measured against, in the order of the plan's columns; empty if not known.
     pub floors: Floors,
+    /// What opening it cost.
+    pub open: OpenStats,
 }
 
 /// How the night ended.

@@ -14,6 +14,7 @@ use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
 use crate::experiment::standing::{Claim, Settled};
 use crate::film::SharedImage;
+use crate::scene::compile::Sharing;
 use crate::scene::{CompiledScene, Note, SceneDesc};
 
 /// A reference as far as the night has come.
@@ -59,8 +60,8 @@ pub(super) struct Night<'a, 's> {
     pub(super) compared: BTreeMap<usize, Compared>,
     /// The noise floors of the references as far as they are known.
     pub(super) floors: Vec<Option<Floors>>,
-    /// The scene that was compiled last, and what it was compiled from.
-    pub(super) compiled: Option<(Arc<SceneDesc>, Arc<CompiledScene>)>,
+    /// The scene that was compiled last, and what it was compiled from and how.
+    pub(super) compiled: Option<(Arc<SceneDesc>, Sharing, Arc<CompiledScene>)>,
     /// What compiling has had to say, each once a night.
     pub(super) told: BTreeSet<Note>,
     pub(super) summary: NightSummary,
@@ -207,7 +208,7 @@ impl<'a, 's> Night<'a, 's> {
         }
         let Some(settled) = self.history.settled(self.plan, cell) else { return false };
         let ended = match settled {
-            Settled::Done(folder) => Ended::cached(folder, Vec::new()),
+            Settled::Done(folder) => Ended { outcome: Outcome::Cached(folder), ..Ended::failed(String::new()) },
             Settled::Failed(reason) => Ended::failed(reason),
         };
         if let CellRef::Reference(place) = cell {
@@ -216,7 +217,7 @@ impl<'a, 's> Night<'a, 's> {
                 outcome => lost(outcome),
             };
         }
-        let Ended { outcome, rows, floors, layers, .. } = ended;
+        let Ended { outcome, rows, floors, layers, open, .. } = ended;
         let rows = Arc::new(rows);
         if let Outcome::Cached(_) = outcome {
             let (outcome, rows) = (outcome.clone(), Arc::clone(&rows));
@@ -224,7 +225,7 @@ impl<'a, 's> Night<'a, 's> {
             // It is recorded already.
             let _ = self.emit(&event);
         }
-        self.summary.results.push(CellResult { cell, outcome, rows, floors });
+        self.summary.results.push(CellResult { cell, outcome, rows, floors, open });
         true
     }
 
@@ -282,7 +283,7 @@ impl<'a, 's> Night<'a, 's> {
                 let ended = match self.history.image(plan, place) {
                     Ok(Some(image)) => {
                         self.recent = Some((place, Arc::new(image)));
-                        Ended::cached(file.clone(), Vec::new())
+                        Ended { outcome: Outcome::Cached(file.clone()), ..Ended::failed(String::new()) }
                     }
                     Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
                     Err(error) => Ended::failed(error.to_string()),
@@ -382,7 +383,7 @@ impl<'a, 's> Night<'a, 's> {
         let image = self.history.image(self.plan, place).map_err(|e| e.to_string())?;
         let Some(image) = image else { return Ok(None) };
         self.recent = Some((place, Arc::new(image)));
-        Ok(Some(Ended::cached(run.folder, run.rows)))
+        Ok(Some(Ended::cached(run)))
     }
 
     fn cell(&mut self, place: usize) -> Look {
@@ -393,7 +394,7 @@ impl<'a, 's> Night<'a, 's> {
             return Look::Ended;
         }
         if let Some(run) = self.history.done(plan, cell) {
-            self.finish(cell, Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) });
+            self.finish(cell, Ended::cached(run));
             return Look::Ended;
         }
         if let Some(reference) = it.reference
@@ -416,7 +417,7 @@ impl<'a, 's> Night<'a, 's> {
         }
         // Between the look and the claim, another process may have finished it.
         let ended = match self.history.done(plan, cell) {
-            Some(run) => Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) },
+            Some(run) => Ended::cached(run),
             None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
                 Err(reason) => Ended::failed(reason),
                 Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
@@ -459,7 +460,7 @@ impl<'a, 's> Night<'a, 's> {
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
     fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, layers, times, rows, floors, halves: _ } = ended;
+        let Ended { mut outcome, film, layers, times, rows, floors, halves: _, open } = ended;
         if let Outcome::Done(_) = outcome
             && !self.history.holds(self.plan, cell)
         {
@@ -480,7 +481,7 @@ impl<'a, 's> Night<'a, 's> {
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
         }
-        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors });
+        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors, open });
         outcome
     }
 }

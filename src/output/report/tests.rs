@@ -86,6 +86,7 @@ fn run(
         pictures: [16, 64, 128].map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr")))).to_vec(),
         films: Vec::new(),
         accel: Some((0.0021, 77)),
+        accel_size: Some((4096, 9.5)),
         floors: vec![("rmse".to_owned(), 0.004)],
         id,
     }

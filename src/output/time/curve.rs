@@ -93,7 +93,7 @@ pub fn figure(movie: &Movie, curves: &[Curve]) -> Result<(String, Vec<u8>), Outp
                 let v = curve.luminance(b);
                 [(x(from), y(v)), (x(to), y(v))]
             });
-            drawing.curve(&steps.collect::<Vec<_>>(), style(i), 1.1);
+            drawing.curve(&steps.collect::<Vec<_>>(), style(i).solid(), 1.1);
             drawing.line([at, 12.0, at + 14.0, 12.0], style(i).colour, 1.6);
             drawing.text((at + 18.0, 15.0), name, Anchor::Start, &curve.name);
             at += 32.0 + crate::output::plot::svg::text_width(&curve.name, 9.5);

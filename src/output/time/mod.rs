@@ -12,14 +12,19 @@ pub use curve::{Curve, csv, figure};
 pub use npy::{decode as read_array, encode as array};
 pub use still::{arrival, arrival_picture, sheet, streak_x, streak_y};
 
+use std::ops::Range;
+
 use super::OutputError;
 use crate::film::Image;
 use crate::film::time::{TimeAxis, TimeCube};
 use crate::metrics::tonemap::Tonemap;
 use crate::transport::light::luminance;
 
-/// The most frames that an animation or a sheet is cut into; more bins are added up in groups.
+/// The most frames that an animation is cut into; more bins are added up in groups.
 pub const MAX_FRAMES: u32 = 240;
+
+/// Frames that a run leaves as EXR, and that stand on a sheet: even parts of the whole axis.
+pub const STILLS: u32 = 12;
 
 /// The light of every pixel in every bin.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +58,7 @@ impl Movie {
     }
 
     /// The sum of some bins as a picture.
-    pub fn frame(&self, bins: std::ops::Range<u32>) -> Image {
+    pub fn frame(&self, bins: Range<u32>) -> Image {
         Image::from_fn(self.width, self.height, |x, y| {
             let bins = &self.pixel(x, y)[bins.start as usize..bins.end as usize];
             bins.iter().fold([0.0; 3], |sum, v| [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]])
@@ -72,7 +77,7 @@ impl Movie {
     }
 
     /// Groups of bins, [`MAX_FRAMES`] of them at most, from the first that light reaches to the last.
-    pub fn groups(&self, most: u32) -> Vec<std::ops::Range<u32>> {
+    pub fn groups(&self, most: u32) -> Vec<Range<u32>> {
         let bins = self.axis.bins;
         let mut lit = vec![false; bins as usize];
         for pixel in self.mean.chunks_exact(bins as usize) {
@@ -86,8 +91,21 @@ impl Movie {
         (first..last).step_by(step as usize).map(|b| b..(b + step).min(bins)).collect()
     }
 
+    /// Even parts of the axis, [`STILLS`] of them at most, the same for every film with this axis.
+    pub fn stills(&self) -> Vec<Range<u32>> {
+        let bins = self.axis.bins;
+        let parts = STILLS.min(bins);
+        let edge = |i: u32| (u64::from(i) * u64::from(bins) / u64::from(parts)) as u32;
+        (0..parts).map(|i| edge(i)..edge(i + 1)).collect()
+    }
+
+    /// The optical length in the middle of some bins.
+    pub fn middle(&self, bins: &Range<u32>) -> f64 {
+        0.5 * (self.axis.begin(bins.start) + self.axis.begin(bins.end))
+    }
+
     /// The tone map of frames: the sRGB curve with the exposure at which 99.5 % of what is lit stays below white.
-    pub fn exposure(&self, groups: &[std::ops::Range<u32>]) -> Tonemap {
+    pub fn exposure(&self, groups: &[Range<u32>]) -> Tonemap {
         let mut lit: Vec<f32> = Vec::new();
         for pixel in self.mean.chunks_exact(self.axis.bins as usize) {
             for group in groups {
@@ -164,8 +182,27 @@ pub fn files(cube: &TimeCube, seconds: Option<f64>, meta: &[(String, String)]) -
         TimeFile { name: "time-outside.npy".into(), bytes: array(&[h, w, 2, 3], outside) },
         TimeFile { name: "time-variance.npy".into(), bytes: array(&[h, w, bins, 3], variance) },
     ];
+    for (i, group) in movie.stills().into_iter().enumerate() {
+        let name = still_name(i, movie.middle(&group));
+        let mut meta = meta.to_vec();
+        meta.push((
+            "length".to_owned(),
+            format!("{} to {}", movie.axis.begin(group.start), movie.axis.begin(group.end)),
+        ));
+        files.push(TimeFile { name: format!("{name}.exr"), bytes: super::exr::encode(&movie.frame(group), &meta)? });
+    }
     files.extend(pictures(&movie, [cube.width / 2, cube.height / 2], meta)?);
     Ok(files)
+}
+
+/// The name of a still without its extension: its number and the optical length in its middle.
+pub fn still_name(i: usize, middle: f64) -> String {
+    format!("time-frame-{:02}-{middle:.4}", i + 1)
+}
+
+/// The optical length in the middle of the still with this name, if it is one.
+pub fn still_length(name: &str) -> Option<f64> {
+    name.strip_prefix("time-frame-")?.split_once('-')?.1.parse().ok()
 }
 
 /// The pictures among the [`files`], with streaks through the column and row `through`.
@@ -184,7 +221,7 @@ pub fn pictures(movie: &Movie, through: [u32; 2], meta: &[(String, String)]) -> 
     let file = |name: &str, bytes: Vec<u8>| TimeFile { name: name.to_owned(), bytes };
     let (svg, png) = figure(movie, &curves)?;
     Ok(vec![
-        file("time-frames.png", sheet(movie, display, &meta)?),
+        file("time-frames.png", sheet(movie)?),
         file("time-animation.png", apng(movie, &groups, display, &meta)?),
         file("time-animation.gif", gif(movie, &groups, display)?),
         file("time-streak-x.png", super::png::encode(&streak_x(movie, row), display, &meta)?),

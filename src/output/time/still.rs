@@ -3,13 +3,11 @@
 use super::{Movie, bright};
 use crate::film::Image;
 use crate::metrics::map::{Colours, ErrorMap};
-use crate::metrics::tonemap::Tonemap;
 use crate::output::plot::svg::{Anchor, Drawing, Font};
 use crate::output::plot::{rasterize, style::INK};
 use crate::output::{OutputError, png};
 
-/// Frames on a sheet, and columns of it.
-const TILES: u32 = 12;
+/// Columns of a sheet.
 const COLUMNS: u32 = 4;
 
 /// A pixel has light from the first bin on that holds so much of what its brightest bin holds.
@@ -19,10 +17,10 @@ const ONSET: f64 = 0.1;
 ///
 /// # Errors
 /// Those of the encoders.
-pub fn sheet(movie: &Movie, display: Tonemap, _meta: &[(String, String)]) -> Result<Vec<u8>, OutputError> {
-    let groups = movie.groups(TILES);
-    // Frames of a sheet sum more bins than those of an animation, which its exposure must know.
-    let display = if groups.iter().any(|g| g.len() > 1) { movie.exposure(&groups) } else { display };
+pub fn sheet(movie: &Movie) -> Result<Vec<u8>, OutputError> {
+    let groups = movie.stills();
+    // Frames of a sheet sum more bins than those of an animation, which their exposure must know.
+    let display = movie.exposure(&groups);
     let width = 180.0;
     let height = width * f64::from(movie.height) / f64::from(movie.width);
     let (step_x, step_y) = (width + 6.0, height + 18.0);
@@ -31,8 +29,7 @@ pub fn sheet(movie: &Movie, display: Tonemap, _meta: &[(String, String)]) -> Res
     for (i, group) in groups.iter().enumerate() {
         let (x, y) = (f64::from(i as u32 % COLUMNS) * step_x, f64::from(i as u32 / COLUMNS) * step_y);
         drawing.image([x, y, width, height], &png::encode(&movie.frame(group.clone()), display, &[])?);
-        let middle = 0.5 * (movie.axis.begin(group.start) + movie.axis.begin(group.end));
-        drawing.text((x + width / 2.0, y + height + 11.0), label, Anchor::Middle, &movie.words(middle));
+        drawing.text((x + width / 2.0, y + height + 11.0), label, Anchor::Middle, &movie.words(movie.middle(group)));
     }
     let rows = (groups.len() as u32).div_ceil(COLUMNS).max(1);
     let (w, h) = (f64::from(COLUMNS) * step_x - 6.0, f64::from(rows) * step_y);

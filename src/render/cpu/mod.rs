@@ -4,6 +4,9 @@
 //! the sums of films beside the main one, `times` those of films with a time axis, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
+mod build;
+mod compressed;
+mod copies;
 mod intersect;
 pub mod lanes;
 mod layers;
@@ -12,6 +15,7 @@ pub mod rates;
 pub mod renderer;
 mod times;
 mod traverse;
+mod wide;
 
 use super::BackendRow;
 use crate::scene::desc::Model;
@@ -29,6 +33,7 @@ pub const ROW: BackendRow = BackendRow {
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),
+    accel: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
     paths: paths::paths,
 };

@@ -3,7 +3,8 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use super::accel::{Accel, TooDeep};
+use super::accel::{Accel, Unusable};
+use super::lanes::Isa;
 use crate::render::paths::{SampleAt, Step};
 use crate::render::{Job, RenderError};
 use crate::scene::CompiledScene;
@@ -41,8 +42,8 @@ pub(super) fn paths(
     job: &Job,
     samples: &[SampleAt],
 ) -> Result<Vec<Vec<Step>>, RenderError> {
-    let failed = |e: TooDeep| RenderError::Failed { backend: "cpu", reason: e.to_string() };
-    let accel = Accel::build(Arc::clone(scene)).map_err(failed)?;
+    let failed = |e: Unusable| RenderError::Failed { backend: "cpu", reason: e.to_string() };
+    let accel = Accel::build_as(Arc::clone(scene), &job.accel, Isa::detect()).map_err(failed)?;
     let camera = Camera::new(&scene.camera, job.resolution, job.filter);
     let lights = Lights::with_select(scene, Select::of(&job.params));
     let settings = Settings::new(&job.params);

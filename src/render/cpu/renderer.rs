@@ -9,6 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
+use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
 use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
@@ -16,6 +17,7 @@ use crate::film::layer::LayerFilm;
 use crate::film::splat::{SplatBuffer, SplatSums};
 use crate::film::state::Saved;
 use crate::film::time::TimeCube;
+use crate::render::hierarchy::{AccelSpec, Builder};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
@@ -62,11 +64,15 @@ impl CpuRenderer {
             .thread_name(|i| format!("render-{i}"))
             .build()
             .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
-        let accel = pool.install(|| Accel::build(Arc::clone(&scene))).map_err(|e| failed(e.to_string()))?;
+        let accel = pool
+            .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
+            .map_err(|e| failed(e.to_string()))?;
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
-            device: format!("cpu, {} threads, eight-wide BVH, {}", pool.current_num_threads(), accel.isa().name()),
+            accel_bytes: accel.bytes() as u64,
+            accel_cost: accel.cost(),
+            device: words(&accel, &job.accel, pool.current_num_threads()),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -105,6 +111,18 @@ impl CpuRenderer {
             (*sum, *sum2) = splats.join(i, own.sum[i], own.sum2[i], own.samples);
         }
     }
+}
+
+/// A line for people: what traces rays, and how.
+fn words(accel: &Accel, spec: &AccelSpec, threads: usize) -> String {
+    let plain = AccelSpec::default();
+    let tree = match spec.builder {
+        Builder::None => "no hierarchy".to_owned(),
+        Builder::Cwbvh => format!("{} of obvhs", spec.describe()),
+        _ if AccelSpec { instances: plain.instances, ..*spec } == plain => "eight-wide BVH".to_owned(),
+        _ => format!("eight-wide BVH by {}", spec.describe()),
+    };
+    format!("cpu, {threads} threads, {tree}, {}", accel.isa().name())
 }
 
 /// What the rows of a wave report, merged without order.

@@ -44,6 +44,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     models: upload::MODELS,
     refuses,
     edited,
+    accel: false,
     open: |scene, job| open(Kind::Pipeline, &scene, job),
     paths: |scene, job, samples| paths(Kind::Pipeline, scene, job, samples),
 };
@@ -58,6 +59,7 @@ pub const QUERY: BackendRow = BackendRow {
     models: upload::MODELS,
     refuses,
     edited,
+    accel: false,
     open: |scene, job| open(Kind::Query, &scene, job),
     paths: |scene, job, samples| paths(Kind::Query, scene, job, samples),
 };
@@ -72,6 +74,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     models: upload::MODELS,
     refuses,
     edited,
+    accel: false,
     open: |scene, job| open(Kind::Compute, &scene, job),
     paths: |scene, job, samples| paths(Kind::Compute, scene, job, samples),
 };

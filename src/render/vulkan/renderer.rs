@@ -24,6 +24,9 @@ use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
 use crate::transport::ray::{Hit, Ray};
 
+/// Triangles and spheres up to which scenes with copies of meshes are unfolded for a device: some four gigabytes.
+const MOST_UNFOLDED: usize = 1 << 24;
+
 /// A run on a device. Its fields go in the order in which they are written: what uses others first.
 pub struct VulkanRenderer {
     kind: Kind,
@@ -90,6 +93,16 @@ impl VulkanRenderer {
         job: &Job,
         steps: bool,
     ) -> Result<VulkanRenderer, VulkanError> {
+        let unfolded;
+        let scene = if scene.instances.places.is_empty() {
+            scene
+        } else {
+            unfolded = scene.flattened(MOST_UNFOLDED).map_err(|found| VulkanError::Lacks {
+                device: device.info.line(),
+                needed: format!("copies of meshes without triangles of their own, which would be {found} (at most {MOST_UNFOLDED} are unfolded)"),
+            })?;
+            &unfolded
+        };
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let layout = Layout::new(&job.layers, job.max_depth, pixels)
             .map_err(|needed| VulkanError::Lacks { device: device.info.line(), needed })?;
@@ -147,6 +160,7 @@ impl VulkanRenderer {
                 accel_build_s: build_s,
                 accel_nodes: nodes,
                 device: device.info.line(),
+                ..OpenStats::default()
             },
             refused: false,
         })
@@ -236,7 +250,7 @@ fn step(s: &PathStep) -> Option<Step> {
     let ray = Ray { origin: s.origin.into(), dir: s.dir.into() };
     match s.kind {
         1 => {
-            let hit = (s.met != NONE).then_some(Hit { t: s.t, primitive: s.met, uv: s.uv });
+            let hit = (s.met != NONE).then_some(Hit { t: s.t, primitive: s.met, instance: NONE, uv: s.uv });
             Some(Step::Closest { ray, t_max: s.t_max, hit })
         }
         2 => Some(Step::Shadow { ray, t_max: s.t_max, blocked: s.met != 0 }),

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use super::wire::{Garbled, Reader, Wire, structs, words};
 use crate::film::Film;
 use crate::film::layer::{LAYERS, Layer};
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{BACKENDS, Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{
-    DirectionalLight, Distribution, Emitter, Environment, Interface, MaskMode, Material, Model, PointLight, Sphere,
-    Texture, TriangleAttributes, UvMap,
+    DirectionalLight, Distribution, Emitter, Environment, Instance, Instances, Interface, MaskMode, Material, Model,
+    PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FILTERS, FilterKind, FilterSpec};
@@ -28,7 +29,9 @@ structs! {
         emitter_reflects, interface,
     }
     Interface { specular, eta, k, distribution, thin, nonlinear, internal_reflectance }
-    Emitter { primitive, area }
+    Emitter { primitive, instance, area }
+    Instances { meshes, places, materials }
+    Instance { mesh, to_world, normal_to_world, materials, emitters, first }
     PointLight { position, intensity }
     DirectionalLight { direction, irradiance }
     Environment { map, radiance, rotation_rad }
@@ -38,7 +41,7 @@ structs! {
     Optics { f_number, focal_length, sensor_height }
     FilterSpec { kind, radius }
     WaveStats { samples, render_s, device_s, paths, rays, invalid, first_invalid }
-    OpenStats { upload_s, pipeline_s, accel_build_s, accel_nodes, device }
+    OpenStats { upload_s, pipeline_s, accel_build_s, accel_nodes, accel_bytes, accel_cost, device }
 }
 
 words! {
@@ -53,12 +56,13 @@ impl Wire for CompiledScene {
     fn put(&self, to: &mut Vec<u8>) {
         // Delays change no picture, and [`Pool::open`](super::Pool::open) has refused composed materials.
         let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays: _, .. } = self;
-        let CompiledScene { textures, emitters, points, directionals, environment, camera, .. } = self;
+        let CompiledScene { instances, textures, emitters, points, directionals, environment, camera, .. } = self;
         let CompiledScene { bounds, resolution, max_depth, .. } = self;
         content_hash.put(to);
         triangles.put(to);
         attributes.put(to);
         tangents.put(to);
+        instances.put(to);
         spheres.put(to);
         materials.put(to);
         textures.put(to);
@@ -78,6 +82,7 @@ impl Wire for CompiledScene {
             triangles: Wire::take(from)?,
             attributes: Wire::take(from)?,
             tangents: Wire::take(from)?,
+            instances: Wire::take(from)?,
             spheres: Wire::take(from)?,
             materials: Wire::take(from)?,
             delays: Default::default(),
@@ -91,6 +96,19 @@ impl Wire for CompiledScene {
             resolution: Wire::take(from)?,
             max_depth: Wire::take(from)?,
         })
+    }
+}
+
+impl Wire for SharedMesh {
+    fn put(&self, to: &mut Vec<u8>) {
+        let SharedMesh { triangles, shining } = self;
+        [triangles.start, triangles.end].put(to);
+        shining.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<SharedMesh, Garbled> {
+        let [start, end] = Wire::take(from)?;
+        Ok(SharedMesh { triangles: start..end, shining: Wire::take(from)? })
     }
 }
 
@@ -135,8 +153,8 @@ impl Wire for BTreeMap<String, Value> {
 
 impl Wire for Job {
     fn put(&self, to: &mut Vec<u8>) {
-        // [`Pool::open`](super::Pool::open) has refused a time axis.
-        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing: _, .. } = self;
+        // [`Pool::open`](super::Pool::open) has refused a time axis, and a device builds its hierarchy as it likes.
+        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing: _, accel: _, .. } = self;
         let Job { sampler, seed, threads, .. } = self;
         integrator.name.to_owned().put(to);
         params.put(to);
@@ -160,6 +178,7 @@ impl Wire for Job {
             filter: Wire::take(from)?,
             layers: Wire::take(from)?,
             timing: None,
+            accel: AccelSpec::default(),
             sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
             seed: Wire::take(from)?,
             threads: Wire::take(from)?,

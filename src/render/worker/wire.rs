@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DAffine3, Mat3, Vec2, Vec3, Vec4};
 
 /// Why bytes are not what they should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -96,6 +96,21 @@ macro_rules! vectors {
 }
 
 vectors!(Vec2, Vec3, Vec4);
+
+macro_rules! matrices {
+    ($($ty:ty: $n:literal),+) => { $(impl Wire for $ty {
+        fn put(&self, to: &mut Vec<u8>) {
+            self.to_cols_array().put(to);
+        }
+
+        fn take(from: &mut Reader<'_>) -> Result<$ty, Garbled> {
+            let columns: [_; $n] = Wire::take(from)?;
+            Ok(<$ty>::from_cols_array(&columns))
+        }
+    })+ };
+}
+
+matrices!(Mat3: 9, DAffine3: 12);
 
 impl Wire for bool {
     fn put(&self, to: &mut Vec<u8>) {

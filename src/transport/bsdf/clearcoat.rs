@@ -9,6 +9,7 @@ use glam::Vec3;
 
 use super::fresnel::schlick_weight;
 use super::ggx::{Ggx, Half};
+use crate::math::elementary;
 
 /// Reflectance at normal incidence of index 1.5.
 const F0: f32 = 0.04;
@@ -74,7 +75,7 @@ impl Clearcoat {
         let a2 = self.alpha * self.alpha;
         let cos2 = ((1.0 - a2.powf(1.0 - u[0])) / (1.0 - a2)).clamp(0.0, 1.0);
         let r = (1.0 - cos2).sqrt();
-        let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
+        let (sin, cos) = elementary::sin_cos(2.0 * PI * u[1]);
         Vec3::new(r * cos, r * sin, cos2.sqrt())
     }
 }

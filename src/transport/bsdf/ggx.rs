@@ -6,6 +6,8 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::Vec3;
 
+use crate::math::elementary;
+
 /// The least alpha: the same bound as the program of the first document and Mitsuba have.
 pub const MIN_ALPHA: f32 = 0.001;
 
@@ -104,7 +106,7 @@ impl Ggx {
     pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         let [ax, ay] = self.alpha;
         let w = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize_or(Vec3::Z);
-        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let (sin, cos) = elementary::sin_cos(TAU * u[0]);
         let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;
         let r = (1.0 - z * z).max(0.0).sqrt();
         let h = Vec3::new(r * cos, r * sin, z) + w;

@@ -82,7 +82,7 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             break;
         };
         // The last edge finds light or nothing.
-        if depth == context.max_depth && scene.emitter_of(hit.primitive) == NONE {
+        if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
             break;
         }
         let surface = flight.arrive(context, &ray, &hit, &mut chance);

@@ -54,6 +54,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         rr_start: Some(3),
         filter: FilterSpec { kind: FilterKind::Gauss, radius },
         films: Vec::new(),
+        accel: Default::default(),
         timing: None,
         sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),

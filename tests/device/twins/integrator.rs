@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, Model, Texture};
+use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture};
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre::transport::integrator::{Context, Settings, integrator};
 use lumbre::transport::light::{Lights, Select};
@@ -60,7 +60,7 @@ impl Brute<'_> {
                 }
             };
             let Some((t, uv)) = met else { continue };
-            let hit = Hit { t, primitive: i as u32, uv };
+            let hit = Hit { t, primitive: i as u32, instance: NONE, uv };
             if t > 0.0 && t < best.map_or(t_max, |b| b.t) && !is_masked_out(self.scene, ray, &hit) {
                 best = Some(hit);
             }

@@ -145,7 +145,7 @@ fn take_hit(row: &mut Row) -> (Ray, Hit, Vec3) {
     let uv = row.floats();
     let ray = Ray { origin: Vec3::from_array(row.floats()), dir: Vec3::from_array(row.floats()) };
     let [t] = row.floats();
-    (ray, Hit { t, primitive, uv }, Vec3::from_array(row.floats()))
+    (ray, Hit { t, primitive, instance: NONE, uv }, Vec3::from_array(row.floats()))
 }
 
 /// Rows of a hit, a direction, a mode and three sample numbers. Every other direction is one that the BSDF samples, since
@@ -190,7 +190,7 @@ pub const SURFACE: Twin = Twin {
     original: |scene, _, row| {
         let (ray, hit, wi) = take_hit(row);
         let s = Surface::at(scene, &ray, &hit);
-        row.push(scene.material_of(hit.primitive));
+        row.push(scene.material_of(hit.primitive, NONE));
         row.push(s.emitter);
         row.push(u32::from(s.overhang.is_some()));
         for v in [s.position, s.n_geometric, s.n_shading, s.tangent] {

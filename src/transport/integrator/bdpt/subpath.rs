@@ -234,7 +234,7 @@ fn walk(
         };
         // From the camera, the last edge finds light or nothing.
         let only_light = mode == Mode::Radiance && count == max_edges;
-        if only_light && context.scene.emitter_of(hit.primitive) == NONE {
+        if only_light && context.scene.emitter_of(hit.primitive, hit.instance) == NONE {
             return None;
         }
         let surface = going.flight.arrive(context, &ray, &hit, going.chance);
