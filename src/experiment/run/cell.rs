@@ -207,6 +207,8 @@ impl<'a> Night<'a, '_> {
         run.turn = (Instant::now(), run.progress.standing.wall_s);
         run.turns += 1;
         let next = match run.waves.is_some() {
+            // Opening a large scene takes a while; nobody who wants to leave has to wait for that.
+            false if self.control.stop_requested() || self.late() => Ok(Next::End(Outcome::Interrupted)),
             false => self.begin(run).map(|()| Next::Turn),
             true => self.advance(run, leads, slice_s),
         };
