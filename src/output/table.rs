@@ -60,6 +60,9 @@ pub enum Entry {
     MoreThan(f64),
 }
 
+/// Labels of a row and of a column.
+type Place = (Vec<String>, Vec<String>);
+
 /// One run's contribution.
 #[derive(Clone, Copy)]
 enum Sample {
@@ -79,7 +82,7 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
     };
     let (row_keys, col_keys) = (distinct(&spec.rows), distinct(&spec.cols));
 
-    let mut samples: BTreeMap<(Vec<String>, Vec<String>), Vec<(usize, Sample)>> = BTreeMap::new();
+    let mut samples: BTreeMap<Place, Vec<(usize, Sample)>> = BTreeMap::new();
     let mut finished = 0;
     for result in results {
         let CellRef::Cell(cell) = result.cell else { continue };
