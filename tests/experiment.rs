@@ -5,6 +5,8 @@
 
 #[path = "experiment/errors.rs"]
 mod errors;
+#[path = "experiment/fairness.rs"]
+mod fairness;
 #[path = "experiment/fixtures.rs"]
 mod fixtures;
 #[path = "experiment/identity.rs"]

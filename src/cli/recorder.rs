@@ -1,6 +1,7 @@
 //! The sink that keeps results: it hears the night and fills the run folders.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -32,7 +33,10 @@ pub struct Recorder<'a> {
     plan: Arc<Plan>,
     log: Log,
     control: Arc<Control>,
-    current: Option<Current>,
+    /// The runs that are being filled; several where they take turns.
+    current: BTreeMap<CellRef, Current>,
+    /// The run whose log is written.
+    logged: Option<CellRef>,
     /// The noise floors of the plan's references, as far as they were told.
     floors: BTreeMap<usize, Floors>,
 }
@@ -43,10 +47,10 @@ struct Apart<'a> {
     times: Option<&'a TimeCube>,
 }
 
-/// The run that is being filled.
+/// A run that is being filled.
 struct Current {
-    cell: CellRef,
     writer: RunWriter,
+    log: File,
     open: OpenStats,
     facts: Facts,
     /// The noise floors of what it is measured against.
@@ -84,7 +88,7 @@ impl Facts {
 impl<'a> Recorder<'a> {
     /// A recorder of one night of `plan`. Where the disk is full it waits until `control` is asked to stop.
     pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log, control: Arc<Control>) -> Recorder<'a> {
-        Recorder { store, plan, log, control, current: None, floors: BTreeMap::new() }
+        Recorder { store, plan, log, control, current: BTreeMap::new(), logged: None, floors: BTreeMap::new() }
     }
 
     fn start(
@@ -107,17 +111,27 @@ impl<'a> Recorder<'a> {
             let before: Vec<WaveRow> = before.iter().map(|row| with_net(&self.plan, &floors, row)).collect();
             self.patiently(|| writer.open_metrics(&columns, &before))?;
         }
-        self.log.set_run(Some(self.patiently(|| writer.open_log())?));
-        self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
+        let log = self.patiently(|| writer.open_log())?;
         let facts = self.facts(cell, open);
         let fields = json!({
             "run": facts.run, "path": self.path(cell), "device": open.device,
             "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes, "accel_bytes": open.accel_bytes,
             "accel_cost": open.accel_cost,
         });
-        self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
+        self.current.insert(cell, Current { writer, log, open: open.clone(), facts, floors, halves: None });
+        self.turn_to(cell);
+        self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
         self.tell("cell_started", &fields);
         Ok(())
+    }
+
+    /// Log lines are this run's from now on, if it is being filled.
+    fn turn_to(&mut self, cell: CellRef) {
+        if self.logged != Some(cell) {
+            let log = self.current.get(&cell).and_then(|current| current.log.try_clone().ok());
+            self.logged = log.is_some().then_some(cell);
+            self.log.set_run(log);
+        }
     }
 
     /// Writes, and waits where there is no space.
@@ -130,7 +144,7 @@ impl<'a> Recorder<'a> {
             CellRef::Cell(i) => (self.plan.cells[i].seed, Some(&self.plan.cells[i].scene)),
             CellRef::Reference(i) => match &self.plan.references[i].source {
                 ReferenceSource::Render { seeds, scene, .. } => (seeds[0], Some(scene)),
-                ReferenceSource::File(_) => (0, None),
+                ReferenceSource::File { .. } => (0, None),
             },
         };
         let hex = |hash: [u8; 32]| blake3::Hash::from(hash).to_hex().to_string();
@@ -152,7 +166,7 @@ impl<'a> Recorder<'a> {
 
     fn wave(&mut self, cell: CellRef, row: &WaveRow, image: &Image, pow2: bool) -> Result<(), SinkError> {
         let keep = pow2 && self.plan.measure.snapshots == Snapshots::Pow2;
-        let Some(current) = self.current.as_mut().filter(|c| c.cell == cell) else { return Ok(()) };
+        let Some(current) = self.current.get_mut(&cell) else { return Ok(()) };
         if let CellRef::Reference(_) = cell {
             return Ok(());
         }
@@ -176,7 +190,7 @@ impl<'a> Recorder<'a> {
         apart: Apart,
         rows: &[WaveRow],
     ) -> Result<(), SinkError> {
-        let Some(current) = self.current.take_if(|c| c.cell == cell) else {
+        let Some(current) = self.current.remove(&cell) else {
             return Err(SinkError("the run ended before it was started".to_owned()));
         };
         let Current { writer, open, facts, floors, halves, .. } = current;
@@ -272,13 +286,13 @@ impl<'a> Recorder<'a> {
 
     /// Writes the halves of the reference that is being filled, and its standard error.
     fn halves(&mut self, reference: usize, halves: &[Arc<Film>; 2]) -> Result<(), SinkError> {
-        let Some(current) = self.current.as_mut().filter(|c| c.cell == CellRef::Reference(reference)) else {
+        let Some(current) = self.current.get_mut(&CellRef::Reference(reference)) else {
             return Err(SinkError("halves of a reference that was never started".to_owned()));
         };
         let wait = || std::thread::sleep(space::STEP);
         let seeds = match &self.plan.references[reference].source {
             ReferenceSource::Render { seeds, .. } => *seeds,
-            ReferenceSource::File(_) => [0; 2],
+            ReferenceSource::File { .. } => [0; 2],
         };
         let metadata = |samples: u64, seed: u64| {
             let mut facts = current.facts.metadata(samples);
@@ -306,7 +320,7 @@ impl<'a> Recorder<'a> {
     fn agreement(&self, reference: usize, with: usize, found: &Agreement) -> Result<(), SinkError> {
         let technique = match &self.plan.references[with].source {
             ReferenceSource::Render { config, .. } => config.integrator.as_str(),
-            ReferenceSource::File(_) => "file",
+            ReferenceSource::File { .. } => "file",
         };
         let ids = [reference, with].map(|i| self.plan.references[i].id.0.clone());
         let finding = json!({
@@ -371,6 +385,9 @@ impl<'a> Recorder<'a> {
 
 impl Sink for Recorder<'_> {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+        if let Some(cell) = event.cell().filter(|cell| self.current.contains_key(cell)) {
+            self.turn_to(cell);
+        }
         match event {
             Event::NightStarted { plan } => {
                 let fields = json!({
@@ -400,9 +417,19 @@ impl Sink for Recorder<'_> {
                         self.log.run_line(LogLevel::ERROR, &format!("failed: {reason}"));
                         self.store.fail(&self.plan, *cell, reason).map_err(lost)
                     }
-                    (Outcome::Cached(_) | Outcome::Interrupted, _) => Ok(()),
+                    (Outcome::Cached(_), _) => {
+                        if let CellRef::Reference(place) = *cell
+                            && let Err(e) = self.store.import(&self.plan, place)
+                        {
+                            // The night reads the file itself.
+                            tracing::warn!("the reference was not copied: {e}");
+                        }
+                        Ok(())
+                    }
+                    (Outcome::Interrupted, _) => Ok(()),
                 };
-                self.current = None;
+                self.current.remove(cell);
+                self.logged = None;
                 self.log.set_run(None);
                 kept?;
                 // What was there already is no news; ten thousand such lines every night would hide what is.
@@ -423,6 +450,14 @@ impl Sink for Recorder<'_> {
                     let fields = json!({ "level": log_level.to_string(), "run": run, "text": text });
                     self.tell("message", &fields);
                 }
+                Ok(())
+            }
+            Event::Forecast(left) => {
+                let fields = json!({
+                    "left_s": left.seconds, "at_most": left.at_most, "rough": left.rough, "known": left.known,
+                    "unknown": left.unknown,
+                });
+                self.tell("forecast", &fields);
                 Ok(())
             }
             Event::NightFinished => {

@@ -14,13 +14,14 @@ use super::log::Log;
 use super::recorder::Recorder;
 use super::{signals, until};
 use crate::experiment::event::{History, Level};
+use crate::experiment::forecast::Paces;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
-use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, run};
+use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, control, run};
 use crate::output::{plot, summary, table};
 use crate::render;
 use crate::script::Script;
-use crate::store::Store;
+use crate::store::{Store, archived_paces};
 use crate::tui;
 
 /// Runs an experiment.
@@ -89,6 +90,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         smoke: !night.no_smoke,
         deadline,
         only: only_failed.then_some(failed),
+        paces: if todo.is_empty() { Paces::default() } else { archived_paces(&global.out) },
         begin: None,
     };
     let Ended { night, exit, told } = render_night(script, plan, &store, global, log, &todo, options)?;
@@ -100,6 +102,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         say_failures(plan, &night);
     }
     say_disagreements(plan, &night);
+    say_control(plan, &night, global.quiet);
     if !global.quiet {
         say_where(&store, plan, &night);
     }
@@ -255,7 +258,7 @@ fn importance(level: tracing::Level) -> Level {
 fn say_backends(plan: &Plan) {
     let rendered = plan.references.iter().filter_map(|r| match &r.source {
         ReferenceSource::Render { config, .. } => Some(&config.backend),
-        ReferenceSource::File(_) => None,
+        ReferenceSource::File { .. } => None,
     });
     let names: BTreeSet<&String> = plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
     let (auto, because) = render::automatic();
@@ -282,11 +285,21 @@ pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -
         }
     }
     for spec in &plan.figures {
-        for (stem, svg) in plot::figures(plan, spec, &night.results) {
-            write(&format!("figures/{stem}.svg"), svg.as_bytes())?;
-            let png = plot::rasterize(&svg).map_err(Failure::internal)?;
+        for figure in plot::figures(plan, spec, &night.results) {
+            let stem = &figure.stem;
+            write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
+            write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
+            let png = plot::rasterize(&figure.svg).map_err(Failure::internal)?;
             write(&format!("figures/{stem}.png"), &png)?;
         }
+    }
+    let repeats = summary::repeats_csv(plan, &night.results);
+    if !repeats.is_empty() {
+        write("repeats.csv", repeats.as_bytes())?;
+    }
+    let findings = control::check(plan, &night.results);
+    if !findings.is_empty() {
+        write("control.csv", summary::control_csv(&findings).as_bytes())?;
     }
     Ok(())
 }
@@ -313,6 +326,14 @@ pub(super) fn say_disagreements(plan: &Plan, night: &NightSummary) {
     for found in &night.disagreements {
         let id = &plan.references[found.reference].id;
         talk(&format!("alarm: reference {id} {}; its folder has the map, and so exit code 6", found.found));
+    }
+}
+
+/// Says what the A/A check found; in quiet nights only what chance does not explain.
+fn say_control(plan: &Plan, night: &NightSummary, quiet: bool) {
+    for finding in control::check(plan, &night.results).iter().filter(|finding| finding.alarm || !quiet) {
+        let alarm = if finding.alarm { "alarm: " } else { "" };
+        talk(&format!("{alarm}control: {}", finding.describe()));
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::agree::Agreement;
 use super::floors::{Floors, HalfImages};
+use super::forecast::Forecast;
 use super::plan::Plan;
 use super::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::film::layer::LayerImage;
@@ -31,7 +32,7 @@ pub struct WaveRow {
     pub samples: u64,
     /// Seconds inside the renderer so far.
     pub render_s: f64,
-    /// Seconds since the cell started, everything included.
+    /// Seconds that the cell has taken, everything included; while it takes turns with others, its own turns alone.
     pub wall_s: f64,
     /// Seconds spent measuring so far, which are no part of `render_s`.
     pub measure_s: f64,
@@ -150,6 +151,9 @@ pub enum Event {
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,
     },
+    /// What is left of the night was reckoned anew: told before the first run, and now and then between runs. No run is
+    /// in progress then.
+    Forecast(Forecast),
     /// A line for people.
     Message {
         /// Importance.
@@ -161,6 +165,22 @@ pub enum Event {
     },
     /// The night is over.
     NightFinished,
+}
+
+impl Event {
+    /// The cell or reference that it is about, if it is about one.
+    pub fn cell(&self) -> Option<CellRef> {
+        match self {
+            Event::CellStarted { cell, .. } | Event::Wave { cell, .. } | Event::CellFinished { cell, .. } => {
+                Some(*cell)
+            }
+            Event::Floors { reference, .. } | Event::Agreement { reference, .. } | Event::Halves { reference, .. } => {
+                Some(CellRef::Reference(*reference))
+            }
+            Event::Message { cell, .. } => *cell,
+            Event::NightStarted { .. } | Event::Forecast(_) | Event::NightFinished => None,
+        }
+    }
 }
 
 /// Why a listener could not do its part.
@@ -235,6 +255,26 @@ pub trait History {
     /// The newest valid checkpoint of an unfinished run.
     fn checkpoint(&self, _plan: &Plan, _cell: CellRef) -> Option<Checkpoint> {
         None
+    }
+
+    /// The sums of the longest finished reference of which this one is a continuation: it has the same stem, and at most
+    /// so many samples per pixel.
+    fn beginning(&self, _plan: &Plan, _reference: usize, _most: u64) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Keeps the sums of a finished reference, from which longer ones with its stem go on, and says whether it did.
+    ///
+    /// # Errors
+    /// When they could not be written; what was kept before is still there.
+    fn keep_sums(
+        &self,
+        _plan: &Plan,
+        _reference: usize,
+        _standing: &Standing,
+        _save: Save<'_>,
+    ) -> Result<bool, SinkError> {
+        Ok(false)
     }
 
     /// Keeps a checkpoint of a run that is claimed, and says whether it did.

@@ -52,11 +52,11 @@ pub enum Begin {
 }
 
 impl Begin {
-    /// An order of references and cells, begun elsewhere and gone through in a circle. References stay first; each kind
+    /// An order of references and of cells that are rendered together, begun elsewhere and gone through in a circle. References stay first; each kind
     /// begins at its own place.
-    pub fn turn(self, plan: &Plan, order: Vec<CellRef>) -> Vec<CellRef> {
-        let (mut references, mut cells): (Vec<CellRef>, Vec<CellRef>) =
-            order.into_iter().partition(|cell| matches!(cell, CellRef::Reference(_)));
+    pub fn turn(self, plan: &Plan, order: Vec<Vec<CellRef>>) -> Vec<Vec<CellRef>> {
+        let (mut references, mut cells): (Vec<_>, Vec<_>) =
+            order.into_iter().partition(|heat| matches!(heat.first(), Some(CellRef::Reference(_))));
         let (Begin::Group(turn) | Begin::Cell(turn)) = self;
         let at = |places: usize| usize::try_from(turn % places.max(1) as u64).unwrap_or(0);
         let first = at(references.len());
@@ -64,9 +64,9 @@ impl Begin {
         let first = match self {
             Begin::Cell(_) => at(cells.len()),
             Begin::Group(_) => {
-                let name = |cell: &CellRef| match cell {
-                    CellRef::Cell(i) => group(&plan.cells[*i]),
-                    CellRef::Reference(_) => String::new(),
+                let name = |heat: &Vec<CellRef>| match heat.first() {
+                    Some(CellRef::Cell(i)) => group(&plan.cells[*i]),
+                    Some(CellRef::Reference(_)) | None => String::new(),
                 };
                 let names: Vec<String> = cells.iter().map(name).collect();
                 // Where runs of cells of one group begin; a group may have several.

@@ -39,6 +39,8 @@ pub struct Spec {
     pub measure: Measure,
     /// How its nights go.
     pub night: NightSpec,
+    /// Whether some cells are rendered twice, to compare a technique with itself: see [`super::control`].
+    pub control: bool,
     /// Convergence figures.
     pub figures: Vec<FigureSpec>,
     /// Tables.
@@ -62,6 +64,59 @@ pub struct NightSpec {
     pub checkpoint_s: Option<f64>,
     /// When a night ends, finished or not.
     pub deadline: Option<Deadline>,
+    /// The order of the cells.
+    pub order: Order,
+    /// What every cell renders before its clock starts.
+    pub warmup: Option<Warmup>,
+}
+
+/// The order in which the cells of a night are rendered. What drifts while a night lasts, such as the speed of a machine
+/// that grows warm, falls on other cells in another order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// That of the plan.
+    #[default]
+    Sequential,
+    /// One that the experiment's seed decides, the same in every launch.
+    Shuffled,
+    /// Techniques of the same picture take turns: see [`Plan::heats`](super::Plan::heats).
+    Interleave,
+}
+
+impl Order {
+    /// The words of scripts.
+    pub const NAMES: [&'static str; 3] = ["sequential", "shuffled", "interleave"];
+
+    /// Its word.
+    pub fn name(self) -> &'static str {
+        Order::NAMES[self as usize]
+    }
+
+    /// The order that a word means.
+    pub fn from_name(name: &str) -> Option<Order> {
+        [Order::Sequential, Order::Shuffled, Order::Interleave].into_iter().find(|order| order.name() == name)
+    }
+}
+
+/// Rendering with other random numbers that comes before a cell's clock and is thrown away, so that what a device does
+/// only at first (to clock up, to fill its caches) counts for nobody.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Warmup {
+    /// Seconds inside the renderer.
+    Time(f64),
+    /// Samples per pixel.
+    Samples(u64),
+}
+
+impl Warmup {
+    /// The warm-up in words.
+    pub fn describe(self) -> String {
+        match self {
+            Warmup::Time(seconds) => format!("{seconds} s of rendering"),
+            Warmup::Samples(1) => "1 sample per pixel".to_owned(),
+            Warmup::Samples(n) => format!("{n} samples per pixel"),
+        }
+    }
 }
 
 /// When a night ends.
@@ -248,7 +303,12 @@ pub enum ReferenceRequest {
         agree: Option<Box<AgreeRequest>>,
     },
     /// An EXR file made elsewhere.
-    File(PathBuf),
+    File {
+        /// The file.
+        file: PathBuf,
+        /// Who made it and how, in the script's words; empty if it does not say.
+        source: String,
+    },
 }
 
 /// A picture that a reference is compared with, so that a mistake of its integrator is found out.
@@ -292,6 +352,15 @@ pub trait ScriptHooks {
     /// # Errors
     /// When the script's function fails or its rule is wrong.
     fn stop(&self, point: &Point) -> Result<StopRule, HookError>;
+
+    /// Whether the cells of this point are rendered twice for the A/A check, where a script with one says so; `None` is
+    /// the first technique of every picture.
+    ///
+    /// # Errors
+    /// When the script's function fails or returns something other than true, false or nil.
+    fn control(&self, _point: &Point) -> Result<Option<bool>, HookError> {
+        Ok(None)
+    }
 
     /// Whether predicate `id` (see [`StopRule::Predicate`]) says stop, given the columns of `rows` (oldest first).
     ///

@@ -75,6 +75,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         path: format!("{}/rep={repeat}", path.join("/")),
         point,
         repeat,
+        control: None,
         seed: 100 + index as u64,
         config: Arc::new(CellConfig {
             scene_options: BTreeMap::new(),

@@ -151,6 +151,7 @@ fn finish(shared: &Shared, returned: &LuaValue, path: &Path, script_text: String
         skips: builder.skips.iter().map(|(reason, _)| reason.clone()).collect(),
         measure: builder.measure.as_ref().map_or_else(api::measure::nothing, |(m, _)| m.clone()),
         night: builder.night.clone(),
+        control: builder.control.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
     })

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{FILMS, HALVES, NOISE, layout, rows, seal};
+use super::{FILMS, HALVES, NOISE, layout, rows, seal, sums};
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
@@ -86,6 +86,12 @@ impl Archive {
 }
 
 impl Archive {
+    /// Samples per pixel of the shorter reference from which one goes on that is not there, if there is one.
+    pub fn begun(&self, plan: &Plan, reference: usize) -> Option<u64> {
+        let ReferenceSource::Render { stem, stop, .. } = &plan.references.get(reference)?.source else { return None };
+        sums::samples(&self.out, &stem.0, stop.sample_limit()?)
+    }
+
     fn read(&self, file: &Path) -> Result<Image, String> {
         let bytes = fs::read(file).map_err(|e| format!("cannot be read: {e}"))?;
         (self.decode)(&bytes)
@@ -136,7 +142,8 @@ impl History for Archive {
                 here.or_else(|| look(self.indexed(&plan.name, &cell.id.0)?))
             }
             CellRef::Reference(i) => {
-                let reference = plan.references.get(i)?;
+                // A file is no run: what is kept of it here is a copy.
+                let reference = plan.references.get(i).filter(|reference| reference.stem().is_some())?;
                 let folder = layout::reference_folder(&self.out, &reference.id);
                 let looked = finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[]);
                 self.whole(self.sound(&folder, looked)?)
@@ -147,7 +154,7 @@ impl History for Archive {
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
         let (file, advice) = match &wanted.source {
-            ReferenceSource::File(file) => (file.clone(), ""),
+            ReferenceSource::File { file, .. } => (file.clone(), ""),
             ReferenceSource::Render { .. } => match self.done(plan, CellRef::Reference(reference)) {
                 Some(run) => (run.folder.join("ref.exr"), " (delete its folder to have it rendered again)"),
                 None => return Ok(None),

@@ -44,6 +44,8 @@ pub(super) struct Claims {
     /// and again costs the file system little.
     alive: Mutex<BTreeMap<PathBuf, (SystemTime, Instant)>>,
     locks: bool,
+    /// Whether take-overs are told.
+    speaks: bool,
     /// Dropping it ends the heartbeat.
     _end: SyncSender<()>,
 }
@@ -72,7 +74,14 @@ impl Claims {
     /// Claims without locks that nobody keeps alive: a thousand of them fit into one process.
     pub(super) fn unattended() -> Claims {
         let (end, _) = sync_channel(0);
-        Claims { owner: Owner::here(), held: Arc::default(), alive: Mutex::default(), locks: false, _end: end }
+        Claims {
+            owner: Owner::here(),
+            held: Arc::default(),
+            alive: Mutex::default(),
+            locks: false,
+            speaks: false,
+            _end: end,
+        }
     }
 
     fn with_locks(locks: bool) -> Claims {
@@ -91,7 +100,7 @@ impl Claims {
         if let Err(e) = std::thread::Builder::new().name("claims".to_owned()).spawn(beat) {
             tracing::warn!("claims are not kept alive for other machines: {e}");
         }
-        Claims { owner, held, alive: Mutex::default(), locks, _end: end }
+        Claims { owner, held, alive: Mutex::default(), locks, speaks: true, _end: end }
     }
 
     /// Whose claims they are.
@@ -173,7 +182,9 @@ impl Claims {
         }
         match self.create(folder, path, text)? {
             Some(file) => {
-                tracing::info!("taking over what {whose} left: nothing was heard of it for {} s", LEASE.as_secs());
+                if self.speaks {
+                    tracing::info!("taking over what {whose} left: nothing was heard of it for {} s", LEASE.as_secs());
+                }
                 Ok(Found::Taken(file))
             }
             None => Ok(Found::Gone),

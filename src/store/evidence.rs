@@ -31,7 +31,9 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
     let name = text(&plan["name"]);
     let mut notes = Vec::new();
     let mut reader = Reader { folder, elsewhere: elsewhere(out, &name), notes: &mut notes, metrics: Vec::new() };
-    let runs: Vec<Run> = list(&plan["cells"]).iter().map(|cell| reader.run(cell)).collect();
+    // Doubles of the A/A check are no results.
+    let cells = list(&plan["cells"]).iter().filter(|cell| cell["control"].is_null());
+    let runs: Vec<Run> = cells.map(|cell| reader.run(cell)).collect();
     let metrics = std::mem::take(&mut reader.metrics);
     let references = list(&plan["references"]).iter().map(|reference| truth(out, reference)).collect();
     Ok(Night {
@@ -191,12 +193,16 @@ fn pictures(folder: &Path, done: Option<&Json>) -> Vec<(u64, PathBuf)> {
 
 fn truth(out: &Path, reference: &Json) -> Truth {
     let id = text(&reference["run"]);
+    let shelf = out.join("refs").join(id.get(..2).unwrap_or("00")).join(&id);
     if reference["kind"] == "file" {
         let file = PathBuf::from(text(&reference["source"]));
-        let words = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        return Truth { id, picture: file.is_file().then_some(file), words };
+        let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let maker = reference["made_by"].as_str().filter(|by| !by.is_empty()).map(|by| format!(", {by}"));
+        let words = format!("{name}{}, its noise unknown", maker.unwrap_or_default());
+        let copy = shelf.join(layout::imported(&file));
+        let picture = [file, copy].into_iter().find(|file| file.is_file());
+        return Truth { id, picture, words };
     }
-    let shelf = out.join("refs").join(id.get(..2).unwrap_or("00")).join(&id);
     let facts = read_json(&shelf.join("ref.json"));
     let integrator = text(&reference["source"]["integrator"]);
     let words = match facts.as_ref().and_then(|f| f["samples"].as_u64()) {

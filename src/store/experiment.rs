@@ -4,8 +4,9 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
-use serde_json::Value as Json;
+use serde_json::{Value as Json, json};
 
 use super::archive::{Archive, Decode, read_json};
 use super::checkpoint::{self, Turn};
@@ -16,9 +17,10 @@ use super::journal::Journal;
 use super::marks::Marks;
 use super::run::{RunWriter, pretty};
 use super::worker::Aboard;
-use super::{Host, StoreError, cell_json, layout, mount, plan_json, write};
+use super::{Host, StoreError, cell_json, layout, mount, plan_json, sums, utc, write};
 use crate::experiment::event::{FinishedRun, History, Save};
 use crate::experiment::floors::HalfImages;
+use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
@@ -175,6 +177,31 @@ impl Store {
         write::if_changed(&folder.join(name), bytes)
     }
 
+    /// Copies an image file that serves as a reference into the folder of references, with what is known of where it comes
+    /// from, so that who looks at the night elsewhere has it too. What is there already stays.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub fn import(&self, plan: &Plan, reference: usize) -> Result<(), StoreError> {
+        let ReferenceSource::File { file, source } = &plan.references[reference].source else { return Ok(()) };
+        let folder = self.place(plan, CellRef::Reference(reference));
+        if folder.join("ref.json").is_file() {
+            return Ok(());
+        }
+        let bytes = fs::read(file).map_err(|e| StoreError::io("read", file, &e))?;
+        let writer = RunWriter::shared(folder, "ref.json", &cell_json(plan, CellRef::Reference(reference)))?;
+        writer.write(&layout::imported(file), &bytes)?;
+        writer.finish(&json!({
+            "run": plan.references[reference].id.0,
+            "kind": "file",
+            "imported_from": fs::canonicalize(file).unwrap_or_else(|_| file.clone()).display().to_string(),
+            "blake3": blake3::hash(&bytes).to_hex().to_string(),
+            "made_by": source,
+            "noise": "unknown",
+            "finished": utc(SystemTime::now()),
+        }))
+    }
+
     /// Records the machine and the command in `env.json`.
     ///
     /// # Errors
@@ -240,6 +267,15 @@ impl History for Store {
             aboard.mark(plan, cell, &place);
         }
         self.claims.release(&place);
+    }
+
+    fn beginning(&self, plan: &Plan, reference: usize, most: u64) -> Option<Checkpoint> {
+        sums::load(&self.out, plan.references.get(reference)?.stem()?, most)
+    }
+
+    fn keep_sums(&self, plan: &Plan, reference: usize, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+        let Some(stem) = plan.references.get(reference).and_then(Reference::stem) else { return Ok(false) };
+        sums::keep(&self.out, stem, standing, save).map_err(|e| SinkError(e.to_string()))
     }
 
     fn checkpoint(&self, plan: &Plan, cell: CellRef) -> Option<Checkpoint> {

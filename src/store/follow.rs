@@ -19,6 +19,7 @@ use super::journals::Journals;
 use super::tail::Tail;
 use super::{FILMS, StoreError, layout, list, outline, rows, seconds_of};
 use crate::experiment::event::Level;
+use crate::experiment::forecast::Forecast;
 use crate::experiment::{CellConfig, CellRef, Outcome, Outline, WaveRow};
 use crate::film::Image;
 use crate::render::OpenStats;
@@ -91,6 +92,8 @@ pub enum Seen {
         /// The line.
         text: String,
     },
+    /// What is left of the night was reckoned.
+    Foretold(Forecast),
     /// The night is over.
     Over,
 }
@@ -144,7 +147,8 @@ pub struct Follower {
     lost: BTreeSet<String>,
     /// When the first look came, everything that is there has to be told.
     fresh: bool,
-    run: Option<Run>,
+    /// The runs at hand, oldest first: several where they take turns, and the last one that ended.
+    runs: Vec<Run>,
     /// The reference that was read last.
     recent: Option<(usize, Arc<Image>)>,
     folder: PathBuf,
@@ -184,9 +188,12 @@ impl Follower {
         for (i, reference) in lines("references").iter().enumerate() {
             known(reference, CellRef::Reference(i));
             let id = reference["run"].as_str().unwrap_or_default().to_owned();
-            references.push(match reference["source"].as_str() {
-                Some(file) => PathBuf::from(file),
-                None => layout::reference_folder(&out, &crate::experiment::RunId(id)),
+            let shelf = layout::reference_folder(&out, &crate::experiment::RunId(id));
+            references.push(match reference["source"].as_str().map(PathBuf::from) {
+                Some(file) if file.is_file() => file,
+                // On another machine there is the copy.
+                Some(file) => shelf.join(layout::imported(&file)),
+                None => shelf,
             });
         }
         let journals = Journals::new(&folder);
@@ -204,7 +211,7 @@ impl Follower {
             called: None,
             lost: BTreeSet::new(),
             fresh: true,
-            run: None,
+            runs: Vec::new(),
             recent: None,
             folder,
         })
@@ -223,8 +230,8 @@ impl Follower {
     /// When a file of the night was last written to, as far as can be seen.
     pub fn news_at(&self) -> Option<SystemTime> {
         let written = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
-        let run = self.run.as_ref().and_then(|run| written(run.metrics.path()));
-        self.journals.written().max(run)
+        let runs = self.runs.iter().filter_map(|run| written(run.metrics.path()));
+        self.journals.written().max(runs.max())
     }
 
     /// What happened since the last look, oldest first. The first look tells everything that is there.
@@ -233,22 +240,23 @@ impl Follower {
         let news = self.journals.look();
         let fresh = std::mem::take(&mut self.fresh) || news.anew;
         let lines = news.lines;
-        // Only the newest run is worth its rows and pictures: those of a whole night would be read to be thrown away.
-        let newest = lines.iter().rposition(|line| line["event"] == "cell_started");
+        // Only runs that have not ended, and the newest, are worth their rows and pictures: those of a whole night would be
+        // read to be thrown away.
+        let live = live(&lines);
         if fresh {
             self.what_is_there(&lines, &mut sights);
         }
         for (i, line) in lines.iter().enumerate() {
-            self.journal_line(line, newest == Some(i), fresh, &mut sights);
+            self.journal_line(line, live.contains(&i), fresh, &mut sights);
         }
         self.roll_call(&mut sights);
         if self.journals.has_workers()
-            && self.run.as_ref().is_none_or(|run| !run.running)
+            && self.runs.iter().all(|run| !run.running)
             && let Some(line) = self.underway.values().next().cloned()
         {
             self.show(&line, &mut sights);
         }
-        self.run_at_hand(&mut sights);
+        self.runs_at_hand(&mut sights);
         sights
     }
 
@@ -266,7 +274,7 @@ impl Follower {
                 continue;
             }
             for cell in self.ids.get(run).cloned().unwrap_or_default() {
-                if let Some(run) = self.run.as_mut().filter(|run| run.cell == cell) {
+                if let Some(run) = self.runs.iter_mut().find(|run| run.cell == cell) {
                     run.running = false;
                 }
                 if !self.is_done(cell) {
@@ -278,18 +286,19 @@ impl Follower {
         sights.push(Sight { at_s, seen: Seen::Crew(workers) });
     }
 
-    /// Makes a run that started the one that is shown.
+    /// Shows a run that started, and those that still render.
     fn show(&mut self, line: &Json, sights: &mut Vec<Sight>) {
         let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
         let id = line["run"].as_str().unwrap_or_default();
         if let Some(cell) = self.ids.get(id).and_then(|cells| cells.first()).copied() {
             let (seen, run) = self.start(cell, line);
-            self.run = Some(run);
+            self.runs.retain(|other| other.running && other.cell != cell);
+            self.runs.push(run);
             sights.push(Sight { at_s, seen });
         }
     }
 
-    fn journal_line(&mut self, line: &Json, newest: bool, fresh: bool, sights: &mut Vec<Sight>) {
+    fn journal_line(&mut self, line: &Json, live: bool, fresh: bool, sights: &mut Vec<Sight>) {
         let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
         let id = line["run"].as_str().unwrap_or_default();
         let which = self.ids.get(id).cloned().unwrap_or_default();
@@ -308,11 +317,12 @@ impl Follower {
                 self.goes_on = false;
                 see(Seen::Over);
             }
+            "forecast" => see(Seen::Foretold(foretold(line))),
             "cell_started" => {
                 self.underway.insert(id.to_owned(), line.clone());
                 // Where many render at once, the one that is shown stays until it ends.
-                let busy = self.journals.has_workers() && self.run.as_ref().is_some_and(|run| run.running);
-                if newest && !busy {
+                let busy = self.journals.has_workers() && self.runs.iter().any(|run| run.running);
+                if live && !busy {
                     self.show(line, sights);
                 } else if self.journals.has_workers() {
                     which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
@@ -320,10 +330,10 @@ impl Follower {
             }
             "cell_finished" => {
                 self.underway.remove(id);
-                if let Some(run) = self.run.as_mut().filter(|run| which.contains(&run.cell)) {
+                if let Some(run) = self.runs.iter_mut().find(|run| which.contains(&run.cell)) {
                     run.running = false;
                     // What was measured last is told before the end is.
-                    self.run_at_hand(sights);
+                    self.runs_at_hand(sights);
                 }
                 for cell in which {
                     let outcome = self.outcome(cell, line);
@@ -453,12 +463,18 @@ impl Follower {
         (self.decode)(&fs::read(file).ok()?).ok()
     }
 
-    /// New rows and a newer picture of the run at hand; once it has ended, the films of its strategies, one at a look.
-    fn run_at_hand(&mut self, sights: &mut Vec<Sight>) {
-        let Some(mut run) = self.run.take() else { return };
+    /// What is new of the runs at hand.
+    fn runs_at_hand(&mut self, sights: &mut Vec<Sight>) {
+        let mut runs = std::mem::take(&mut self.runs);
+        runs.iter_mut().for_each(|run| self.run_at_hand(run, sights));
+        self.runs = runs;
+    }
+
+    /// New rows and a newer picture of a run; once it has ended, the films of its strategies, one at a look.
+    fn run_at_hand(&self, run: &mut Run, sights: &mut Vec<Sight>) {
         let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
         let mut see = |seen| sights.push(Sight { at_s, seen });
-        for row in self.new_rows(&mut run) {
+        for row in self.new_rows(run) {
             see(Seen::Measured { cell: run.cell, row });
         }
         let last = if run.running { run.pictured } else { u64::MAX };
@@ -476,7 +492,6 @@ impl Follower {
         {
             see(Seen::Strategy { cell: run.cell, s, t, weighted, image: Arc::new(image) });
         }
-        self.run = Some(run);
     }
 
     fn new_rows(&self, run: &mut Run) -> Vec<WaveRow> {
@@ -496,6 +511,37 @@ impl Follower {
         let rows = rows::parse_more(&news.text);
         rows.into_iter().map(|row| placed(row, places)).collect()
     }
+}
+
+/// A forecast as the journal tells it.
+fn foretold(line: &Json) -> Forecast {
+    let count = |key: &str| line[key].as_u64().and_then(|n| usize::try_from(n).ok()).unwrap_or(0);
+    let truth = |key: &str| line[key].as_bool().unwrap_or(false);
+    let seconds = line["left_s"].as_f64().unwrap_or(0.0);
+    let (known, unknown) = (count("known"), count("unknown"));
+    Forecast { seconds, at_most: truth("at_most"), rough: truth("rough"), known, unknown }
+}
+
+/// The lines at which runs started that have not ended since, nor with their night; and that of the newest run.
+fn live(lines: &[Json]) -> BTreeSet<usize> {
+    let mut ended: BTreeSet<&str> = BTreeSet::new();
+    let mut live = BTreeSet::new();
+    let mut current = true;
+    for (i, line) in lines.iter().enumerate().rev() {
+        let run = line["run"].as_str().unwrap_or_default();
+        match line["event"].as_str().unwrap_or_default() {
+            "cell_started" if live.is_empty() || (current && !ended.contains(run)) => {
+                live.insert(i);
+                ended.insert(run);
+            }
+            "cell_finished" => {
+                ended.insert(run);
+            }
+            "night_started" | "night_finished" => current = false,
+            _ => {}
+        }
+    }
+    live
 }
 
 /// A row with its metrics in the order of the outline; none where none was measured.

@@ -153,7 +153,7 @@ pub struct Command {
 fn files_of(plan: &Plan) -> BTreeSet<PathBuf> {
     let references = plan.references.iter().map(|reference| match &reference.source {
         ReferenceSource::Render { config, .. } => config.scene_file.clone(),
-        ReferenceSource::File(file) => file.clone(),
+        ReferenceSource::File { file, .. } => file.clone(),
     });
     plan.cells.iter().map(|cell| cell.config.scene_file.clone()).chain(references).collect()
 }

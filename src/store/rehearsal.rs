@@ -9,6 +9,7 @@ use std::time::{Instant, SystemTime};
 
 use super::StoreError;
 use super::claim::{self, Claims, HEARTBEAT, LEASE};
+use crate::experiment::run::patience::{LOOKS, MOMENT_S, Patience};
 use crate::experiment::standing::Claim;
 
 /// What is rehearsed. Times are virtual.
@@ -121,7 +122,7 @@ struct Worker {
     elsewhere: VecDeque<usize>,
     /// When it last listed what is finished.
     listed_s: f64,
-    waited_s: f64,
+    patience: Patience,
     began_s: f64,
 }
 
@@ -142,8 +143,6 @@ struct Stage {
 const CLAIM: u64 = 6;
 /// Of a run that is finished: its last file, its mark, its claim given back.
 const FINISH: u64 = 9;
-/// Claims of others that one look takes in when there is nothing else to do.
-const LOOKS: usize = 16;
 
 /// Rehearses a night below a folder.
 ///
@@ -220,7 +219,8 @@ impl Stage {
         let ahead = (0..self.plan.cells).map(|i| (first + i) % self.plan.cells).collect();
         // Locks of other machines are not seen, and neither are these.
         let claims = Claims::unattended();
-        Worker { claims, life, ahead, elsewhere: VecDeque::new(), listed_s: -1e9, waited_s: 0.0, began_s: 0.0 }
+        let patience = Patience::new(self.state);
+        Worker { claims, life, ahead, elsewhere: VecDeque::new(), listed_s: -1e9, patience, began_s: 0.0 }
     }
 
     fn place(&self, cell: usize) -> PathBuf {
@@ -257,7 +257,7 @@ impl Stage {
                 }
                 at_s += self.count(at_s, 1 + CLAIM);
                 if self.take(w, cell)? {
-                    self.workers[w].waited_s = 0.0;
+                    self.workers[w].patience.forget();
                     self.begin(w, cell, at_s);
                     return Ok(());
                 }
@@ -272,8 +272,7 @@ impl Stage {
             let cells = &self.cells;
             self.workers[w].elsewhere.retain(|cell| cells[*cell].done_s.is_none_or(|done| done > listed_s));
             if !self.workers[w].elsewhere.is_empty() {
-                let wait_s = (self.workers[w].waited_s / 10.0).clamp(0.05, 5.0) * (0.75 + 0.5 * self.random());
-                self.workers[w].waited_s += wait_s;
+                let wait_s = self.workers[w].patience.moments() as f64 * MOMENT_S;
                 self.found.idle_s += wait_s;
                 self.push(at_s + wait_s, w, What::Seek);
             }

@@ -76,6 +76,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         id: RunId((*id).to_owned()),
         point: vec![("depth".into(), Value::Int(i as i64))],
         repeat: 0,
+        control: None,
         seed: i as u64,
         config: config(),
         scene: scene(),
@@ -308,7 +309,7 @@ fn references_are_shared_and_decoded() {
     assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [5.0; 3]);
     // A reference that a script names is read from its own place; what cannot be read is an error that names it.
     let file = dir.path().join("truth.exr");
-    plan.references[0].source = ReferenceSource::File(file.clone());
+    plan.references[0].source = ReferenceSource::File { file: file.clone(), source: String::new() };
     assert!(store.image(&plan, 0).unwrap_err().0.contains("truth.exr"));
     fs::write(&file, b"I\x09").unwrap();
     assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [9.0; 3]);
@@ -407,6 +408,7 @@ fn a_night_is_followed_by_its_files_while_it_goes_on() {
     let seen = |follower: &mut Follower| -> Vec<String> {
         let words = |seen: Seen| match seen {
             Seen::Began => "began".to_owned(),
+            Seen::Foretold(left) => format!("{} known", left.known),
             Seen::Over => "over".to_owned(),
             Seen::Started { cell, config, open, .. } => {
                 format!("{cell:?} starts {} on {}", config.unwrap().integrator, open.device)

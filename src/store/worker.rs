@@ -133,7 +133,7 @@ impl Store {
 
     fn is_file(&self, plan: &Plan, cell: CellRef) -> bool {
         use crate::experiment::plan::ReferenceSource::File;
-        matches!(cell, CellRef::Reference(i) if matches!(plan.references[i].source, File(_)))
+        matches!(cell, CellRef::Reference(i) if matches!(plan.references[i].source, File { .. }))
     }
 }
 

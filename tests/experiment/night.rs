@@ -299,7 +299,7 @@ fn a_reference_from_a_file_is_the_historys_to_read() {
     std::fs::write(&file, b"truth").unwrap();
     let mut lab = Lab::new().measured();
     let named = file.clone();
-    lab.reference = Box::new(move |_| Ok(Some(ReferenceRequest::File(named.clone()))));
+    lab.reference = Box::new(move |_| Ok(Some(ReferenceRequest::File { file: named.clone(), source: String::new() })));
     let id = lab.plan().references[0].id.clone();
     let mut night = Night::default();
     night.history.images.insert(id.clone(), Ok(Image::new(8, 4)));

@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, TraceArgs, ViewArgs};
 
-use crate::experiment::spec::Deadline;
+use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
 use crate::value::Value;
 
@@ -212,37 +212,6 @@ pub struct ScriptArgs {
     /// Keep only cells with this value of an axis; give it again for further values or axes
     #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
     pub only: Vec<(String, Vec<Value>)>,
-}
-
-/// `lumbre trace`.
-#[derive(Args, Debug)]
-pub struct TraceArgs {
-    /// The scene, or a run's folder
-    pub file: PathBuf,
-    /// Column and row, from the top left
-    #[arg(long, value_name = "X,Y", value_parser = super::trace::pixel)]
-    pub pixel: [u32; 2],
-    /// Index of the sample, from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub sample: u64,
-    /// The technique, for a scene
-    #[arg(long, value_name = "NAME", default_value = "nee")]
-    pub integrator: String,
-    /// The sampler, for a scene
-    #[arg(long, value_name = "NAME", default_value = "independent")]
-    pub sampler: String,
-    /// The seed, for a scene
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Greatest number of path edges, for a scene [default: the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub depth: Option<u32>,
-    /// Width and height, for a scene [default: the scene's]
-    #[arg(long, value_name = "WxH", value_parser = super::trace::size)]
-    pub size: Option<[u32; 2]>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// `lumbre run`.
@@ -451,6 +420,9 @@ pub struct VerifyArgs {
     /// With --kill: processes that work on each night at once
     #[arg(long, value_name = "N", default_value_t = 1, requires = "kill", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub processes: u32,
+    /// With --kill: the order of the cells of each night
+    #[arg(long, value_name = "ORDER", default_value = Order::NAMES[0], requires = "kill", value_parser = Order::NAMES)]
+    pub order: String,
     /// Seed of all random numbers; each seed repeats to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

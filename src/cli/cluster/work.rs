@@ -17,6 +17,7 @@ use crate::cli::run::{Watcher, counted, exit_of, print_tables, say_disagreements
 use crate::cli::signals::{self, Heard};
 use crate::cli::until;
 use crate::experiment::event::Event;
+use crate::experiment::forecast::Paces;
 use crate::experiment::groups::{Affinity, Begin};
 use crate::experiment::run::Options;
 use crate::experiment::standing::Claim;
@@ -169,6 +170,7 @@ impl Worker<'_> {
             smoke: false,
             deadline,
             only: chosen,
+            paces: Paces::default(),
             begin: Some(if self.args.affinity == Affinity::None { Begin::Cell(turn) } else { Begin::Group(turn) }),
         })
     }

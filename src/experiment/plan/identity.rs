@@ -42,6 +42,11 @@ pub fn second_seeds() -> [u64; 2] {
     [2, 3].map(|half| derive("lumbre 1 seed of a reference", 0, half) | REFERENCE_BIT)
 }
 
+/// The seed of what is rendered before a cell's clock starts and thrown away: that of nothing else.
+pub fn warmup_seed() -> u64 {
+    derive("lumbre 1 seed of a warm-up", 0, 0) | REFERENCE_BIT
+}
+
 fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
     let mut material = [0; 12];
     material[..8].copy_from_slice(&experiment.to_le_bytes());
@@ -242,7 +247,7 @@ mod tests {
     #[test]
     fn no_two_repeats_share_a_seed_and_no_reference_shares_one_with_a_cell() {
         let mut seeds = BTreeSet::new();
-        for seed in reference_seeds().into_iter().chain(second_seeds()) {
+        for seed in reference_seeds().into_iter().chain(second_seeds()).chain([warmup_seed()]) {
             assert!(seeds.insert(seed) && seed >= REFERENCE_BIT);
         }
         for experiment in [0, 1, 20_260_427, u64::MAX] {

@@ -100,7 +100,7 @@ impl Night<'_, '_> {
     fn technique(&self, place: usize) -> String {
         match &self.plan.references[place].source {
             ReferenceSource::Render { config, .. } => format!("`{}`", config.integrator),
-            ReferenceSource::File(file) => file.display().to_string(),
+            ReferenceSource::File { file, .. } => file.display().to_string(),
         }
     }
 }

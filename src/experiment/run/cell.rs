@@ -1,4 +1,4 @@
-//! One run: open, then wave after wave until the stop rule holds, the user intervenes, or something fails.
+//! One run: open, then turn after turn until the stop rule holds, the user intervenes, or something fails.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -7,10 +7,12 @@ use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
+use super::retry::{Broken, Try};
 use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
-use crate::experiment::spec::{CellConfig, Snapshots};
+use crate::experiment::plan::identity;
+use crate::experiment::spec::{CellConfig, Snapshots, Warmup};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
@@ -27,7 +29,11 @@ use crate::transport::sampler::sampler;
 /// changes no picture, and neither which samples are measured.
 const SLICE_S: f64 = 1.0;
 
+/// The same for runs that take turns: the shorter the turns, the more alike is what they find.
+const TURN_S: f64 = 0.5;
+
 /// What a run is to render.
+#[derive(Clone)]
 pub(super) struct Work<'a> {
     pub(super) cell: CellRef,
     pub(super) config: &'a CellConfig,
@@ -75,60 +81,14 @@ impl Ended {
     }
 }
 
-/// What follows when waves no longer do.
+/// What follows a turn.
 enum Next {
+    /// Another one.
+    Turn,
     /// The run is over.
     End(Outcome),
     /// The user wants it from its first sample.
     Restart,
-}
-
-/// Why a try of a run came to nothing.
-pub(super) enum Broken {
-    /// The device or the process that rendered is gone; another try may succeed.
-    Lost(String),
-    /// The backend cannot do it.
-    Backend(String),
-    /// Anything else.
-    Other(String),
-}
-
-impl From<String> for Broken {
-    fn from(reason: String) -> Broken {
-        Broken::Other(reason)
-    }
-}
-
-impl From<RenderError> for Broken {
-    fn from(error: RenderError) -> Broken {
-        let reason = error.to_string();
-        match error {
-            RenderError::Lost { .. } => Broken::Lost(reason),
-            RenderError::Unsupported { .. } | RenderError::Failed { .. } => Broken::Backend(reason),
-        }
-    }
-}
-
-impl Broken {
-    /// What happened.
-    pub(super) fn reason(self) -> String {
-        let (Broken::Lost(reason) | Broken::Backend(reason) | Broken::Other(reason)) = self;
-        reason
-    }
-}
-
-/// How often a run is tried again whose device was lost.
-const MOST_LOSSES: u32 = 3;
-
-/// How a run is tried.
-#[derive(Default)]
-struct Try {
-    /// From its first sample, whatever was kept.
-    anew: bool,
-    /// How often its device was lost so far.
-    losses: u32,
-    /// On another backend than its own.
-    backend: Option<&'static str>,
 }
 
 /// How a run begins.
@@ -140,7 +100,7 @@ struct Resumed {
     word: Option<(Level, String)>,
 }
 
-/// A run in progress.
+/// How far a run is.
 #[derive(Default)]
 pub(super) struct Progress {
     /// Taken away when it panics: its sums can no longer be trusted.
@@ -149,35 +109,78 @@ pub(super) struct Progress {
     pub(super) kept: Kept,
 }
 
-impl Night<'_, '_> {
+/// A run in progress.
+pub(super) struct Running<'a> {
+    pub(super) work: Work<'a>,
+    pub(super) progress: Progress,
+    /// There once it has begun.
+    waves: Option<Waves>,
+    /// How it is tried.
+    pub(super) how: Try,
+    /// Its layers, once it is done.
+    layers: Vec<LayerImage>,
+    /// Turns that it has had.
+    turns: u64,
+    /// When its turn began, and what its wall clock showed then.
+    turn: (Instant, f64),
+}
+
+impl<'a> Running<'a> {
+    pub(super) fn new(work: Work<'a>) -> Running<'a> {
+        let turn = (Instant::now(), 0.0);
+        let (progress, how) = (Progress::default(), Try::default());
+        Running { work, progress, waves: None, how, layers: Vec::new(), turns: 0, turn }
+    }
+
+    /// Render time so far, and turns.
+    pub(super) fn clock(&self) -> (f64, u64) {
+        (self.progress.standing.render_s(), self.turns)
+    }
+
+    fn wall_s(&self) -> f64 {
+        self.turn.1 + self.turn.0.elapsed().as_secs_f64()
+    }
+}
+
+impl<'a> Night<'a, '_> {
     /// Renders one run to its end, whatever that is.
-    pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
-        let mut progress = Progress::default();
-        let mut how = Try::default();
-        let mut layers = Vec::new();
-        let outcome = loop {
-            let ended = self.render(work, &mut progress, &how).and_then(|next| {
-                // Only what is finished is recorded.
-                if let (Next::End(Outcome::Done(_)), Some(renderer)) = (&next, &progress.renderer) {
-                    layers = layer_images(renderer.as_ref())?;
-                }
-                Ok(next)
-            });
-            match ended {
-                Ok(Next::End(outcome)) => break outcome,
-                Ok(Next::Restart) => (progress, how.anew) = (Progress::default(), true),
-                Err(broken) => match self.try_again(work, &mut how, &progress, broken) {
-                    Ok(true) => progress = Progress::default(),
-                    Ok(false) => {
-                        progress = Progress::default();
-                        break Outcome::Interrupted;
-                    }
-                    Err(reason) => break Outcome::Failed(reason),
-                },
+    pub(super) fn perform(&mut self, work: Work<'a>) -> Ended {
+        let mut run = Running::new(work);
+        loop {
+            if let Some(outcome) = self.turn(&mut run, true, SLICE_S) {
+                return self.ended(run, outcome);
             }
-        };
+        }
+    }
+
+    /// Renders runs to their ends in turns, and tells of each when it ends. The one whose clock is furthest behind goes
+    /// next, so that at any moment all have rendered for the same time, and what slows the machine slows all of them.
+    /// What the user says of one run is meant for the first, which the dashboard shows.
+    pub(super) fn race(&mut self, mut field: Vec<(Running<'a>, Floors)>) {
+        let slice_s = if field.len() > 1 { TURN_S } else { SLICE_S };
+        while let Some(next) = furthest_behind(&field) {
+            let Some(outcome) = self.turn(&mut field[next].0, next == 0, slice_s) else { continue };
+            let (run, floors) = field.remove(next);
+            let cell = run.work.cell;
+            let ended = self.ended(run, outcome);
+            self.finish(cell, Ended { floors, ..ended });
+            self.history.release(self.plan, cell);
+            if next == 0 {
+                // A request that came too late for this run is not meant for the next.
+                self.control.take_skip();
+                self.control.take_restart();
+            }
+        }
+    }
+
+    /// What became of a run whose turns are over.
+    fn ended(&mut self, run: Running<'_>, outcome: Outcome) -> Ended {
+        let Running { work, mut progress, layers, .. } = run;
         if outcome == Outcome::Interrupted {
             self.keep(work.cell, &mut progress);
+        }
+        if let (CellRef::Reference(place), Outcome::Done(_)) = (work.cell, &outcome) {
+            self.keep_sums(place, &progress);
         }
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
@@ -185,122 +188,182 @@ impl Night<'_, '_> {
         let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
         let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
-        let rows = progress.standing.rows;
-        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default(), open }
+        let (layers, rows) = (Arc::new(layers), progress.standing.rows);
+        Ended { outcome, film, layers, times, rows, halves, floors: Floors::default(), open }
     }
 
-    /// Decides how a run is tried again that came to nothing, and says so; false if there is no time left for it.
-    ///
-    /// A device that was lost is tried again a few times. What a backend cannot do after that another one does, if the
-    /// script has left the choice to the program: from the first sample, since two clocks do not add up.
-    fn try_again(
-        &mut self,
-        work: &Work<'_>,
-        how: &mut Try,
-        progress: &Progress,
-        broken: Broken,
-    ) -> Result<bool, String> {
-        let lost = matches!(broken, Broken::Lost(_));
-        if lost && (self.control.stop_requested() || self.late()) {
-            self.say(Level::Warn, work.cell, broken.reason())?;
-            return Ok(false);
+    /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`.
+    fn turn(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Option<Outcome> {
+        run.turn = (Instant::now(), run.progress.standing.wall_s);
+        run.turns += 1;
+        let next = match run.waves.is_some() {
+            false => self.begin(run).map(|()| Next::Turn),
+            true => self.advance(run, leads, slice_s),
+        };
+        let next = next.and_then(|next| {
+            // Only what is finished is recorded.
+            if let (Next::End(Outcome::Done(_)), Some(renderer)) = (&next, &run.progress.renderer) {
+                run.layers = layer_images(renderer.as_ref())?;
+            }
+            Ok(next)
+        });
+        match next {
+            Ok(Next::Turn) => {
+                run.progress.standing.wall_s = run.wall_s();
+                None
+            }
+            Ok(Next::End(outcome)) => Some(outcome),
+            Ok(Next::Restart) => {
+                (run.progress, run.waves, run.how.anew) = (Progress::default(), None, true);
+                None
+            }
+            Err(broken) => match self.try_again(run, broken) {
+                Ok(again) => {
+                    (run.progress, run.waves) = (Progress::default(), None);
+                    (!again).then_some(Outcome::Interrupted)
+                }
+                Err(reason) => Some(Outcome::Failed(reason)),
+            },
         }
-        if lost && how.losses < MOST_LOSSES {
-            how.losses += 1;
-            how.anew = how.anew && !progress.kept.any;
-            let (reason, losses) = (broken.reason(), how.losses);
-            let text = format!("{reason}; it is tried again from its newest checkpoint ({losses} of {MOST_LOSSES})");
-            self.say(Level::Warn, work.cell, text)?;
-            return Ok(true);
-        }
-        let fallback = work.config.fallback.filter(|_| how.backend.is_none() && !matches!(broken, Broken::Other(_)));
-        let Some(backend) = fallback else { return Err(broken.reason()) };
-        *how = Try { anew: true, losses: 0, backend: Some(backend) };
-        let text = format!("{}; as its backend is `auto`, it is rendered by `{backend}` instead", broken.reason());
-        self.say(Level::Warn, work.cell, text)?;
-        Ok(true)
     }
 
-    fn render(&mut self, work: &Work<'_>, progress: &mut Progress, how: &Try) -> Result<Next, Broken> {
-        let started = Instant::now();
-        let scene = self.compiled(work)?;
-        let (renderer, resumed) = self.resume(work, scene, how)?;
+    /// Opens the renderer of a run, and takes what there is of it.
+    fn begin(&mut self, run: &mut Running<'a>) -> Result<(), Broken> {
+        let work = run.work.clone();
+        let scene = self.compiled(&work)?;
+        self.warm_up(&work, &scene, run.how.backend)?;
+        let (renderer, resumed) = self.resume(&work, scene, &run.how)?;
         let open = renderer.open_stats().clone();
+        let progress = &mut run.progress;
         progress.renderer = Some(renderer);
         progress.standing = resumed.standing;
-        progress.kept.at_s = progress.standing.render_s();
-        let before_s = progress.standing.wall_s;
-        let wall_s = || before_s + started.elapsed().as_secs_f64();
+        progress.kept = Kept::at(progress.standing.render_s(), self.asked);
+        run.turn.1 = progress.standing.wall_s;
         let rows = resumed.goes_on.then(|| Arc::new(progress.standing.rows.clone()));
+        let mut waves = Waves::new(self.plan.measure.every_s, self.plan.measure.snapshots == Snapshots::Pow2);
+        if resumed.goes_on {
+            waves = waves.from(progress.standing.growth);
+        }
+        run.waves = Some(waves);
         let reference = work.reference.clone();
         self.emit(&Event::CellStarted { cell: work.cell, open, reference, resumed: rows })?;
         if let Some((level, text)) = resumed.word {
             self.say(level, work.cell, text)?;
         }
+        Ok(())
+    }
+
+    /// Goes on with the wave in progress or begins the next, for as long as one slice takes; what then is a whole wave
+    /// is measured.
+    fn advance(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Result<Next, Broken> {
+        let cell = run.work.cell;
         let plan = self.plan;
-        let columns = plan.columns();
-        let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
-        if resumed.goes_on {
-            waves = waves.from(progress.standing.growth);
+        let standing = &mut run.progress.standing;
+        if standing.between_waves() {
+            let rows = &standing.rows;
+            // Also asked of what an earlier process measured last, which may have been cut off before it asked.
+            if !rows.is_empty()
+                && let Some(reason) = self.stops(run.work.stop, rows)?
+            {
+                return Ok(Next::End(Outcome::Done(reason)));
+            }
+            let Some(waves) = &mut run.waves else { return Err("the run has not begun".to_owned().into()) };
+            standing.left = waves.next(rows, run.work.stop);
+            standing.growth = waves.size;
         }
-        let slice_s = plan.night.checkpoint_s.map_or(SLICE_S, |every_s| every_s.min(SLICE_S));
+        if standing.left > 0 {
+            run.progress.standing.wall_s = run.wall_s();
+            let progress = &mut run.progress;
+            if let Some(next) = self.obey(cell, &progress.standing, leads)? {
+                return Ok(next);
+            }
+            let slice_s = plan.night.checkpoint_s.map_or(slice_s, |every_s| every_s.min(slice_s));
+            let stats = advance(&mut progress.renderer, slice(&progress.standing, slice_s))?;
+            let first = stats.invalid > 0
+                && progress.standing.part.invalid == 0
+                && progress.standing.rows.iter().all(|row| row.invalid == 0);
+            progress.standing.count(&stats);
+            if first {
+                self.say(Level::Warn, cell, invalid_words(&progress.standing))?;
+            }
+            run.progress.standing.wall_s = run.wall_s();
+            self.keep_if_due(cell, &mut run.progress);
+        }
+        if run.progress.standing.left == 0 {
+            self.close_wave(run)?;
+        }
+        Ok(Next::Turn)
+    }
+
+    /// Why a run with these measurements is finished, if it is.
+    pub(super) fn stops(&self, rule: &StopRule, rows: &[WaveRow]) -> Result<Option<String>, String> {
+        let columns = self.plan.columns();
+        let mut ask = |id| self.hooks.predicate(id, &columns, rows);
+        rule.check(rows, &self.plan.measure.metrics, &mut ask).map_err(|e| e.to_string())
+    }
+
+    /// Measures a whole wave.
+    fn close_wave(&mut self, run: &mut Running<'a>) -> Result<(), String> {
+        let Some(renderer) = &run.progress.renderer else { return Err("the renderer is gone".to_owned()) };
+        let measuring = Instant::now();
+        let image = Arc::new(renderer.film().mean());
+        let metrics = self.measure(&image, run.work.reference.as_deref())?;
+        let measure_s = measuring.elapsed().as_secs_f64();
+        let wall_s = run.wall_s();
+        let standing = &mut run.progress.standing;
+        let before_s = standing.rows.last().map_or(0.0, |row| row.measure_s);
+        let row = WaveRow { wall_s, measure_s: before_s + measure_s, metrics, ..standing.close_wave() };
+        let pow2 = row.samples.is_power_of_two();
+        standing.rows.push(row.clone());
+        self.emit(&Event::Wave { cell: run.work.cell, row, measure_s, image, pow2 })
+    }
+
+    /// Renders what a cell of the plan has before its clock starts, and throws it away.
+    fn warm_up(&mut self, work: &Work<'a>, scene: &Arc<CompiledScene>, backend: Option<&str>) -> Result<(), Broken> {
+        let (Some(warmup), CellRef::Cell(_)) = (self.plan.night.warmup, work.cell) else { return Ok(()) };
+        let seeds = [identity::warmup_seed()];
+        let mut renderer = Some(self.open(&Work { seeds: &seeds, ..work.clone() }, Arc::clone(scene), backend)?);
+        let mut done = WaveStats::default();
         loop {
-            let standing = &mut progress.standing;
-            if standing.between_waves() {
-                let hooks = self.hooks;
-                let rows = &standing.rows;
-                let mut ask = |id| hooks.predicate(id, &columns, rows);
-                // Also asked of what an earlier process measured last, which may have been cut off before it asked.
-                if !rows.is_empty()
-                    && let Some(reason) = work.stop.check(rows, &columns, &mut ask).map_err(|e| e.to_string())?
-                {
-                    return Ok(Next::End(Outcome::Done(reason)));
+            let rate = done.samples as f64 / done.render_s;
+            let most = if rate.is_finite() { ((SLICE_S * rate) as u64).max(1) } else { 1 };
+            let next = match warmup {
+                Warmup::Time(seconds) if done.render_s < seconds => {
+                    most.min(((seconds - done.render_s) * rate) as u64 + 1)
                 }
-                standing.left = waves.next(rows, work.stop);
-                standing.growth = waves.size;
+                Warmup::Samples(samples) => most.min(samples.saturating_sub(done.samples)),
+                Warmup::Time(_) => 0,
+            };
+            if next == 0 || self.control.stop_requested() || self.late() {
+                break;
             }
-            while progress.standing.left > 0 {
-                progress.standing.wall_s = wall_s();
-                if let Some(next) = self.obey(work.cell, &progress.standing)? {
-                    return Ok(next);
-                }
-                let stats = advance(&mut progress.renderer, slice(&progress.standing, slice_s))?;
-                let first = stats.invalid > 0
-                    && progress.standing.part.invalid == 0
-                    && progress.standing.rows.iter().all(|row| row.invalid == 0);
-                progress.standing.count(&stats);
-                if first {
-                    self.say(Level::Warn, work.cell, invalid_words(&progress.standing))?;
-                }
-                progress.standing.wall_s = wall_s();
-                self.keep_if_due(work.cell, progress);
-            }
-            let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned().into()) };
-            let measuring = Instant::now();
-            let image = Arc::new(renderer.film().mean());
-            let metrics = self.measure(&image, work.reference.as_deref())?;
-            let measure_s = measuring.elapsed().as_secs_f64();
-            let before_s = progress.standing.rows.last().map_or(0.0, |row| row.measure_s);
-            let measured_s = before_s + measure_s;
-            let row = WaveRow { wall_s: wall_s(), measure_s: measured_s, metrics, ..progress.standing.close_wave() };
-            let pow2 = row.samples.is_power_of_two();
-            progress.standing.rows.push(row.clone());
-            self.emit(&Event::Wave { cell: work.cell, row, measure_s, image, pow2 })?;
+            done.add(&advance(&mut renderer, next)?);
         }
+        guard("closing the backend", || drop(renderer))?;
+        let text = format!(
+            "warmed up for {:.2} s with {} samples per pixel, which are thrown away",
+            done.render_s, done.samples
+        );
+        Ok(self.say(Level::Info, work.cell, text)?)
     }
 
     /// Opens the renderer of a run, and goes on from its checkpoint if there is one that fits, unless it is to be
     /// rendered anew.
     fn resume(
         &mut self,
-        work: &Work<'_>,
+        work: &Work<'a>,
         scene: Arc<CompiledScene>,
         how: &Try,
     ) -> Result<(Box<dyn Renderer>, Resumed), Broken> {
+        let anew = how.anew;
         let mut renderer = self.open(work, Arc::clone(&scene), how.backend)?;
-        let checkpoint = if how.anew { None } else { self.history.checkpoint(self.plan, work.cell) };
-        let Some(checkpoint) = checkpoint else {
-            return Ok((renderer, Resumed::default()));
+        let own = if anew { None } else { self.history.checkpoint(self.plan, work.cell) };
+        let (checkpoint, word) = match own {
+            Some(own) => (own, "goes on from its checkpoint after"),
+            None => match self.beginning(work).filter(|_| !anew) {
+                Some(shorter) => (shorter, "goes on from a shorter reference after"),
+                None => return Ok((renderer, Resumed::default())),
+            },
         };
         let taken = guard("reading a checkpoint", || renderer.restore(&checkpoint.state));
         if let Ok(Err(lost @ RenderError::Lost { .. })) = taken {
@@ -308,12 +371,12 @@ impl Night<'_, '_> {
         }
         if let Err(problem) = taken.and_then(|taken| taken.map_err(|e| e.to_string())) {
             drop(renderer);
-            let word = format!("its checkpoint does not fit, and it starts again: {problem}");
+            let word = format!("what was kept of it does not fit, and it starts again: {problem}");
             let resumed = Resumed { word: Some((Level::Warn, word)), ..Resumed::default() };
             return Ok((self.open(work, scene, how.backend)?, resumed));
         }
         let standing = checkpoint.standing;
-        let word = format!("goes on from its checkpoint after {} samples per pixel", standing.samples());
+        let word = format!("{word} {} samples per pixel", standing.samples());
         Ok((renderer, Resumed { standing, goes_on: true, word: Some((Level::Info, word)) }))
     }
 
@@ -384,20 +447,20 @@ impl Night<'_, '_> {
     }
 
     /// Does what the user wants before the next samples, and waits while the night is paused.
-    fn obey(&mut self, cell: CellRef, standing: &Standing) -> Result<Option<Next>, String> {
+    fn obey(&mut self, cell: CellRef, standing: &Standing, leads: bool) -> Result<Option<Next>, String> {
         let (samples, render_s) = (standing.samples(), standing.render_s());
-        if !self.control.stop_requested() && self.control.pause_if_reached(samples, render_s).is_some() {
+        if leads && !self.control.stop_requested() && self.control.pause_if_reached(samples, render_s).is_some() {
             self.say(Level::Info, cell, format!("paused as asked, after {samples} samples per pixel"))?;
         }
         loop {
             if self.control.stop_requested() || self.late() {
                 return Ok(Some(Next::End(Outcome::Interrupted)));
             }
-            if self.control.take_skip() {
+            if leads && self.control.take_skip() {
                 self.say(Level::Warn, cell, format!("given up on request after {samples} samples per pixel"))?;
                 return Ok(Some(Next::End(Outcome::Interrupted)));
             }
-            if self.control.take_restart() {
+            if leads && self.control.take_restart() {
                 self.say(Level::Warn, cell, format!("rendered again on request after {samples} samples per pixel"))?;
                 return Ok(Some(Next::Restart));
             }
@@ -407,6 +470,15 @@ impl Night<'_, '_> {
             (self.seams.wait)();
         }
     }
+}
+
+/// The place of the run that has rendered least; of several, the one with the fewest turns.
+fn furthest_behind(field: &[(Running<'_>, Floors)]) -> Option<usize> {
+    let clock = |place: &usize| field[*place].0.clock();
+    (0..field.len()).min_by(|a, b| {
+        let ((a_s, a_turns), (b_s, b_turns)) = (clock(a), clock(b));
+        a_s.total_cmp(&b_s).then(a_turns.cmp(&b_turns))
+    })
 }
 
 pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, Broken> {

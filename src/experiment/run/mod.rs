@@ -16,7 +16,8 @@ mod cell;
 mod checkpoint;
 mod floors;
 mod night;
-mod patience;
+pub mod patience;
+mod retry;
 mod smoke;
 mod waves;
 
@@ -26,6 +27,7 @@ use std::time::{Duration, SystemTime};
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
 use super::floors::Floors;
+use super::forecast::Paces;
 use super::groups::Begin;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
@@ -118,6 +120,8 @@ pub struct Options {
     pub deadline: Option<SystemTime>,
     /// The cells and references to carry out, where it is not all of them.
     pub only: Option<BTreeSet<CellRef>>,
+    /// How fast runs of earlier nights were, for the forecast.
+    pub paces: Paces,
     /// Where this process begins, if it is one of many workers. Without a deadline, whose order is the same for all. What
     /// takes all references, comparing them, is then left to whoever closes the night.
     pub begin: Option<Begin>,

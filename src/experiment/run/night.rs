@@ -5,17 +5,22 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 use super::agreement::Compared;
-use super::cell::{Ended, Work};
+use super::cell::{Ended, Running, Work};
 use super::patience::Patience;
 use super::{CellResult, NightSummary, Options, RunError, Seams};
+use crate::experiment::WaveRow;
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
 use crate::experiment::floors::{Floors, HalfImages};
+use crate::experiment::forecast::{Kind, Pace, Paces, forecast};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
 use crate::experiment::standing::{Claim, Settled};
 use crate::film::SharedImage;
 use crate::scene::compile::Sharing;
 use crate::scene::{CompiledScene, Note, SceneDesc};
+
+/// The least time between two reckonings of what is left.
+const RECKON: Duration = Duration::from_secs(2);
 
 /// A reference as far as the night has come.
 enum Truth {
@@ -30,7 +35,9 @@ enum Truth {
 }
 
 /// What came of looking at a cell.
-enum Look {
+enum Look<'a> {
+    /// It is to be rendered.
+    Ready(Box<(Running<'a>, Floors)>),
     /// It has ended, one way or another.
     Ended,
     /// Another process works on it or on its reference; the text says which.
@@ -65,6 +72,14 @@ pub(super) struct Night<'a, 's> {
     /// What compiling has had to say, each once a night.
     pub(super) told: BTreeSet<Note>,
     pub(super) summary: NightSummary,
+    /// Requests for a checkpoint so far.
+    pub(super) asked: u64,
+    /// How fast runs were.
+    pub(super) paces: Paces,
+    /// What has ended, one way or another.
+    settled: BTreeSet<CellRef>,
+    /// When the rest was reckoned last.
+    reckoned: Option<Instant>,
 }
 
 impl<'a, 's> Night<'a, 's> {
@@ -75,8 +90,9 @@ impl<'a, 's> Night<'a, 's> {
         history: &'a dyn History,
         sinks: &'a mut [&'s mut dyn Sink],
         control: &'a Control,
-        options: Options,
+        mut options: Options,
     ) -> Night<'a, 's> {
+        let paces = std::mem::take(&mut options.paces);
         Night {
             seams,
             plan,
@@ -93,6 +109,10 @@ impl<'a, 's> Night<'a, 's> {
             compiled: None,
             told: BTreeSet::new(),
             summary: NightSummary::default(),
+            asked: 0,
+            paces,
+            settled: BTreeSet::new(),
+            reckoned: None,
         }
     }
 
@@ -101,8 +121,8 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&started).map_err(|reason| RunError::Start { reason })?;
         let mut order = self.order();
         if self.options.smoke {
-            let broken = self.smoke(&order);
-            order.retain(|cell| !broken.contains_key(cell));
+            let broken = self.smoke(&order.concat());
+            order.iter_mut().for_each(|heat| heat.retain(|cell| !broken.contains_key(cell)));
             for (cell, reason) in broken {
                 let outcome = self.finish(cell, Ended::failed(reason));
                 if let CellRef::Reference(place) = cell {
@@ -121,26 +141,34 @@ impl<'a, 's> Night<'a, 's> {
         }
     }
 
-    /// What is to be carried out, in order: references and then cells, or, with a deadline, cells from coarse to fine,
-    /// each after its reference.
-    fn order(&self) -> Vec<CellRef> {
+    /// What is to be carried out, in order: references and then the heats of cells, or, with a deadline, heats from coarse
+    /// to fine, each after its references.
+    fn order(&self) -> Vec<Vec<CellRef>> {
         let plan = self.plan;
-        let references = (0..plan.references.len()).map(CellRef::Reference);
-        let mut order: Vec<CellRef> = match self.options.deadline {
-            None => references.chain((0..plan.cells.len()).map(CellRef::Cell)).collect(),
+        let heats = plan.heats(self.options.deadline.is_some());
+        let heats = heats.into_iter().map(|heat| heat.into_iter().map(CellRef::Cell).collect::<Vec<_>>());
+        let mut order: Vec<Vec<CellRef>> = match self.options.deadline {
+            None => (0..plan.references.len()).map(|i| vec![CellRef::Reference(i)]).chain(heats).collect(),
             Some(_) => {
                 let mut seen = BTreeSet::new();
-                let with_reference = plan.coarse_to_fine().into_iter().flat_map(|i| {
-                    let reference = plan.cells[i].reference;
-                    let second = reference.and_then(|r| plan.references[r].agree).map(|agree| agree.with);
-                    [reference.map(CellRef::Reference), second.map(CellRef::Reference), Some(CellRef::Cell(i))]
-                });
-                with_reference.flatten().filter(|cell| seen.insert(*cell)).collect()
+                let mut order = Vec::new();
+                for heat in heats {
+                    let references = heat.iter().filter_map(|cell| match cell {
+                        CellRef::Cell(i) => plan.cells[*i].reference,
+                        CellRef::Reference(_) => None,
+                    });
+                    let sides = |r: usize| [Some(r), plan.references[r].agree.map(|agree| agree.with)];
+                    let new = references.flat_map(sides).flatten().filter(|r| seen.insert(*r));
+                    order.extend(new.map(|r| vec![CellRef::Reference(r)]));
+                    order.push(heat);
+                }
+                order
             }
         };
         if let Some(only) = &self.options.only {
-            order.retain(|cell| only.contains(cell));
+            order.iter_mut().for_each(|heat| heat.retain(|cell| only.contains(cell)));
         }
+        order.retain(|heat| !heat.is_empty());
         match self.options.begin {
             Some(begin) if self.options.deadline.is_none() => begin.turn(plan, order),
             _ => order,
@@ -149,32 +177,26 @@ impl<'a, 's> Night<'a, 's> {
 
     /// Goes through all that is to be done. What others work on is looked at again, until it is done, its owner has
     /// died, or somebody ends the night.
-    fn all(&mut self, mut order: Vec<CellRef>) {
+    fn all(&mut self, mut order: Vec<Vec<CellRef>>) {
         let mut told = false;
         let mut patience = Patience::new(u64::from(std::process::id()));
         loop {
-            let mut elsewhere = Vec::new();
+            let mut elsewhere: Vec<(Vec<CellRef>, String)> = Vec::new();
             let before = self.summary.results.len();
             self.away.clear();
             let (now, mut later) = patience.window(order);
-            for cell in now {
+            for heat in now {
                 if self.over() {
                     return;
                 }
                 // A request that came too late for the cell before is not meant for this one.
                 self.control.take_skip();
                 self.control.take_restart();
-                let look = match cell {
-                    CellRef::Reference(place) => self.reference(place),
-                    CellRef::Cell(place) => self.cell(place),
-                };
-                match look {
-                    Look::Ended => {}
-                    Look::Elsewhere(whose) => elsewhere.push((cell, whose)),
-                    Look::Apart(why) => self.summary.apart.push((cell, why)),
-                }
+                self.reckon();
+                elsewhere.extend(self.heat(&heat));
             }
-            later.retain(|cell| !self.is_settled(*cell));
+            later.iter_mut().for_each(|heat| heat.retain(|cell| !self.is_settled(*cell)));
+            later.retain(|heat| !heat.is_empty());
             let whose = elsewhere.first().map_or("", |(_, whose)| whose.as_str());
             if elsewhere.is_empty() && later.is_empty() {
                 return;
@@ -184,7 +206,7 @@ impl<'a, 's> Night<'a, 's> {
             }
             if !told && before == self.summary.results.len() {
                 told = true;
-                let all = elsewhere.len() + later.len();
+                let all = elsewhere.iter().map(|(heat, _)| heat).chain(&later).map(Vec::len).sum::<usize>();
                 let text = format!("waiting for {all} runs of other processes, one of them {whose}");
                 // A line that cannot be written is no reason to stop waiting.
                 let _ = self.emit(&Event::Message { level: Level::Info, cell: None, text });
@@ -195,7 +217,7 @@ impl<'a, 's> Night<'a, 's> {
                 }
                 (self.seams.wait)();
             }
-            order = later.into_iter().chain(elsewhere.into_iter().map(|(cell, _)| cell)).collect();
+            order = later.into_iter().chain(elsewhere.into_iter().map(|(heat, _)| heat)).collect();
         }
     }
 
@@ -225,6 +247,7 @@ impl<'a, 's> Night<'a, 's> {
             // It is recorded already.
             let _ = self.emit(&event);
         }
+        self.settled.insert(cell);
         self.summary.results.push(CellResult { cell, outcome, rows, floors, open });
         true
     }
@@ -267,7 +290,7 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&Event::Message { level, cell: Some(cell), text })
     }
 
-    fn reference(&mut self, place: usize) -> Look {
+    fn reference(&mut self, place: usize) -> Look<'a> {
         let cell = CellRef::Reference(place);
         if self.is_settled(cell) {
             return Look::Ended;
@@ -279,7 +302,7 @@ impl<'a, 's> Night<'a, 's> {
         }
         let plan = self.plan;
         match &plan.references[place].source {
-            ReferenceSource::File(file) => {
+            ReferenceSource::File { file, .. } => {
                 let ended = match self.history.image(plan, place) {
                     Ok(Some(image)) => {
                         self.recent = Some((place, Arc::new(image)));
@@ -309,7 +332,7 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// The error says who else renders it.
-    fn rendered_reference(&mut self, place: usize, work: &Work<'_>) -> Result<Truth, String> {
+    fn rendered_reference(&mut self, place: usize, work: &Work<'a>) -> Result<Truth, String> {
         if let Some(truth) = self.reference_that_is_there(place, work) {
             return Ok(truth);
         }
@@ -342,8 +365,8 @@ impl<'a, 's> Night<'a, 's> {
         }
     }
 
-    fn new_reference(&mut self, place: usize, work: &Work<'_>) -> Truth {
-        let mut ended = self.perform(work);
+    fn new_reference(&mut self, place: usize, work: &Work<'a>) -> Truth {
+        let mut ended = self.perform(work.clone());
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
         if let Some(film) = &ended.film {
             self.remember(place, film);
@@ -386,7 +409,61 @@ impl<'a, 's> Night<'a, 's> {
         Ok(Some(Ended::cached(run)))
     }
 
-    fn cell(&mut self, place: usize) -> Look {
+    /// Tells how long the rest will take, now and then.
+    fn reckon(&mut self) {
+        if self.reckoned.is_some_and(|last| last.elapsed() < RECKON) {
+            return;
+        }
+        let only = self.options.only.as_ref();
+        let open = |cell: CellRef| !self.settled.contains(&cell) && only.is_none_or(|only| only.contains(&cell));
+        let left = forecast(self.plan, &self.paces, &open);
+        // Nobody needs it to go on.
+        let _ = self.emit(&Event::Forecast(left));
+        self.reckoned = Some(Instant::now());
+    }
+
+    /// Remembers how fast a finished run was.
+    fn learn(&mut self, cell: CellRef, rows: &[WaveRow]) {
+        let plan = self.plan;
+        let (config, stop) = match cell {
+            CellRef::Cell(i) => (&plan.cells[i].config, &plan.cells[i].stop),
+            CellRef::Reference(i) => match &plan.references[i].source {
+                ReferenceSource::Render { config, stop, .. } => (config, stop),
+                ReferenceSource::File { .. } => return,
+            },
+        };
+        if let Some(pace) = rows.last().and_then(|last| Pace::of(last, stop)) {
+            self.paces.learn(Kind::of(config), pace);
+        }
+    }
+
+    /// Renders what is taken together, and returns what of it another process works on, with who that is.
+    fn heat(&mut self, heat: &[CellRef]) -> Option<(Vec<CellRef>, String)> {
+        let mut elsewhere: Option<(Vec<CellRef>, String)> = None;
+        let mut field = Vec::new();
+        for cell in heat {
+            let look = match cell {
+                CellRef::Reference(place) => self.reference(*place),
+                CellRef::Cell(place) => self.enter(*place),
+            };
+            match look {
+                Look::Ended => {}
+                Look::Apart(why) => self.summary.apart.push((*cell, why)),
+                Look::Ready(entrant) => field.push(*entrant),
+                Look::Elsewhere(whose) => elsewhere.get_or_insert_with(|| (Vec::new(), whose)).0.push(*cell),
+            }
+        }
+        if let [first, _, ..] = field.as_slice() {
+            let text = format!("{} techniques take turns on one picture", field.len());
+            // A line that cannot be written is no reason not to render.
+            let _ = self.say(Level::Info, first.0.work.cell, text);
+        }
+        self.race(field);
+        elsewhere
+    }
+
+    /// Makes a cell ready to be rendered, unless it is done, cannot be, or is with another process.
+    fn enter(&mut self, place: usize) -> Look<'a> {
         let plan = self.plan;
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
@@ -418,22 +495,31 @@ impl<'a, 's> Night<'a, 's> {
         // Between the look and the claim, another process may have finished it.
         let ended = match self.history.done(plan, cell) {
             Some(run) => Ended::cached(run),
-            None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
+            None => match self.ready(place) {
+                Ok(entrant) => return Look::Ready(Box::new(entrant)),
                 Err(reason) => Ended::failed(reason),
-                Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
-                    Err(reason) => Ended::failed(reason),
-                    Ok(floors) => {
-                        let (config, scene, stop) = (&it.config, &it.scene, &it.stop);
-                        let seeds = &[it.seed];
-                        let work = Work { cell, config, scene, seeds, stop, reference, resolution: None };
-                        Ended { floors, ..self.perform(&work) }
-                    }
-                },
             },
         };
         self.finish(cell, ended);
         self.history.release(plan, cell);
         Look::Ended
+    }
+
+    /// What a cell that is claimed needs.
+    fn ready(&mut self, place: usize) -> Result<(Running<'a>, Floors), String> {
+        let it = &self.plan.cells[place];
+        let reference = it.reference.map(|r| self.truth(r, it.config.resolution)).transpose()?;
+        let floors = self.floors_of(it.reference.zip(reference.as_ref()))?;
+        let work = Work {
+            cell: CellRef::Cell(place),
+            config: &it.config,
+            scene: &it.scene,
+            seeds: std::slice::from_ref(&it.seed),
+            stop: &it.stop,
+            reference,
+            resolution: None,
+        };
+        Ok((Running::new(work), floors))
     }
 
     /// The picture of a reference, which must have the given size.
@@ -459,7 +545,7 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
-    fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
+    pub(super) fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
         let Ended { mut outcome, film, layers, times, rows, floors, halves: _, open } = ended;
         if let Outcome::Done(_) = outcome
             && !self.history.holds(self.plan, cell)
@@ -480,6 +566,10 @@ impl<'a, 's> Night<'a, 's> {
         }
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
+        }
+        self.settled.insert(cell);
+        if let Outcome::Done(_) | Outcome::Cached(_) = outcome {
+            self.learn(cell, &rows);
         }
         self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors, open });
         outcome

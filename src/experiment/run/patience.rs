@@ -1,32 +1,33 @@
 //! How a night that can only wait for others waits: a thousand of them must not wear out the folder that they share.
 
-use crate::experiment::event::CellRef;
-
 /// Runs of others that one look takes in, once there was nothing else to do.
-const LOOKS: usize = 16;
-/// Most moments between two looks. A moment is [`Seams::wait`](super::Seams::wait): a twentieth of a second.
-const LONGEST: u64 = 100;
+pub const LOOKS: usize = 8;
+/// Most moments between two looks.
+const LONGEST: u64 = 600;
+/// Seconds of a moment, which [`Seams::wait`](super::Seams::wait) waits.
+pub const MOMENT_S: f64 = 0.05;
 
-/// Waits a tenth of the time that it has waited already, at least a moment and at most five seconds, give or take a
+/// Waits a tenth of the time that it has waited already, at least a moment and at most half a minute, give or take a
 /// quarter. So whatever becomes free is found within a tenth of the time that it took.
 #[derive(Debug)]
-pub(super) struct Patience {
+pub struct Patience {
     waited: u64,
     seed: u64,
 }
 
 impl Patience {
-    pub(super) fn new(seed: u64) -> Patience {
+    /// Nothing was waited for yet. The seed makes many that begin at once look at different moments.
+    pub fn new(seed: u64) -> Patience {
         Patience { waited: 0, seed }
     }
 
     /// Something happened.
-    pub(super) fn forget(&mut self) {
+    pub fn forget(&mut self) {
         self.waited = 0;
     }
 
     /// Moments until the next look.
-    pub(super) fn moments(&mut self) -> u64 {
+    pub fn moments(&mut self) -> u64 {
         let longest = (self.waited / 10).clamp(1, LONGEST);
         self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let spread = longest / 2;
@@ -36,7 +37,7 @@ impl Patience {
     }
 
     /// Of what others work on, what is looked at next, and the rest.
-    pub(super) fn window(&self, mut all: Vec<CellRef>) -> (Vec<CellRef>, Vec<CellRef>) {
+    pub(super) fn window<T>(&self, mut all: Vec<T>) -> (Vec<T>, Vec<T>) {
         if self.waited == 0 {
             return (all, Vec::new());
         }
@@ -48,9 +49,10 @@ impl Patience {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::event::CellRef;
 
     #[test]
-    fn looks_become_rarer_and_never_rarer_than_every_five_seconds() {
+    fn looks_become_rarer_up_to_half_a_minute() {
         let mut patience = Patience::new(7);
         let moments: Vec<u64> = (0..400).map(|_| patience.moments()).collect();
         assert!(moments[..10].iter().all(|n| *n == 1), "{moments:?}");

@@ -4,9 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-use super::cell::{Broken, Work, advance, guard};
+use super::cell::{Work, advance, guard};
 use super::night::Night;
+use super::retry::Broken;
 use crate::experiment::event::{CellRef, Event, Level};
+use crate::experiment::forecast::Kind;
 use crate::experiment::plan::ReferenceSource;
 
 /// Longest side of what the pass renders, in pixels. It finds what is broken, not what is slow or too large.
@@ -72,7 +74,7 @@ impl Night<'_, '_> {
             CellRef::Cell(i) => self.plan.cells[i].config.fallback.is_some(),
             CellRef::Reference(i) => match &self.plan.references[i].source {
                 ReferenceSource::Render { config, .. } => config.fallback.is_some(),
-                ReferenceSource::File(_) => false,
+                ReferenceSource::File { .. } => false,
             },
         }
     }
@@ -86,7 +88,7 @@ impl Night<'_, '_> {
             }
             CellRef::Reference(i) => match &plan.references[i].source {
                 ReferenceSource::Render { config, scene, seeds, stop, .. } => (config, scene, seeds[0], stop),
-                ReferenceSource::File(_) => return Ok(()),
+                ReferenceSource::File { .. } => return Ok(()),
             },
         };
         let [width, height] = config.resolution.unwrap_or(scene.resolution);
@@ -95,7 +97,8 @@ impl Night<'_, '_> {
         let work = Work { cell, config, scene, seeds: &[seed], stop, reference: None, resolution };
         let scene = self.compiled(&work)?;
         let mut renderer = Some(self.open(&work, scene, None)?);
-        advance(&mut renderer, 1)?;
+        let stats = advance(&mut renderer, 1)?;
+        self.paces.tried(Kind::of(config), stats.paths as f64 / stats.render_s);
         Ok(guard("closing the backend", || drop(renderer))?)
     }
 }

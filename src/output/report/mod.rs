@@ -5,7 +5,7 @@
 
 mod convergence;
 mod crops;
-mod curve;
+pub(super) mod curve;
 mod films;
 mod grid;
 mod heat;
@@ -14,7 +14,7 @@ mod latex;
 mod methods;
 mod page;
 mod shots;
-mod study;
+pub(super) mod study;
 mod tables;
 mod tidy;
 mod times;

@@ -81,6 +81,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                     ("aa".to_owned(), Value::number(f64::from(*radius))),
                 ],
                 repeat: 0,
+                control: None,
                 seed: 1,
                 config: Arc::new(config(*depth, *radius)),
                 scene: scene.clone(),
