@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
-use super::retry::{Broken, Try};
+use super::tries::{Broken, Try};
 use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
@@ -112,7 +112,7 @@ pub(super) struct Progress {
 /// A run in progress.
 pub(super) struct Running<'a> {
     pub(super) work: Work<'a>,
-    pub(super) progress: Progress,
+    progress: Progress,
     /// There once it has begun.
     waves: Option<Waves>,
     /// How it is tried.
@@ -128,13 +128,23 @@ pub(super) struct Running<'a> {
 impl<'a> Running<'a> {
     pub(super) fn new(work: Work<'a>) -> Running<'a> {
         let turn = (Instant::now(), 0.0);
-        let (progress, how) = (Progress::default(), Try::default());
-        Running { work, progress, waves: None, how, layers: Vec::new(), turns: 0, turn }
+        let (how, layers) = (Try::default(), Vec::new());
+        Running { work, progress: Progress::default(), waves: None, how, layers, turns: 0, turn }
     }
 
     /// Render time so far, and turns.
     pub(super) fn clock(&self) -> (f64, u64) {
         (self.progress.standing.render_s(), self.turns)
+    }
+
+    /// Whether a checkpoint of this try is kept.
+    pub(super) fn is_kept(&self) -> bool {
+        self.progress.kept.any
+    }
+
+    /// Forgets what was rendered, so that the next turn begins.
+    fn rewind(&mut self) {
+        (self.progress, self.waves) = (Progress::default(), None);
     }
 
     fn wall_s(&self) -> f64 {
@@ -188,8 +198,8 @@ impl<'a> Night<'a, '_> {
         let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
         let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
-        let (layers, rows) = (Arc::new(layers), progress.standing.rows);
-        Ended { outcome, film, layers, times, rows, halves, floors: Floors::default(), open }
+        let rows = progress.standing.rows;
+        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default(), open }
     }
 
     /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`.
@@ -197,6 +207,8 @@ impl<'a> Night<'a, '_> {
         run.turn = (Instant::now(), run.progress.standing.wall_s);
         run.turns += 1;
         let next = match run.waves.is_some() {
+            // Opening a large scene takes a while; nobody who wants to leave has to wait for that.
+            false if self.control.stop_requested() || self.late() => Ok(Next::End(Outcome::Interrupted)),
             false => self.begin(run).map(|()| Next::Turn),
             true => self.advance(run, leads, slice_s),
         };
@@ -214,12 +226,13 @@ impl<'a> Night<'a, '_> {
             }
             Ok(Next::End(outcome)) => Some(outcome),
             Ok(Next::Restart) => {
-                (run.progress, run.waves, run.how.anew) = (Progress::default(), None, true);
+                run.rewind();
+                run.how.anew = true;
                 None
             }
             Err(broken) => match self.try_again(run, broken) {
                 Ok(again) => {
-                    (run.progress, run.waves) = (Progress::default(), None);
+                    run.rewind();
                     (!again).then_some(Outcome::Interrupted)
                 }
                 Err(reason) => Some(Outcome::Failed(reason)),
@@ -231,7 +244,7 @@ impl<'a> Night<'a, '_> {
     fn begin(&mut self, run: &mut Running<'a>) -> Result<(), Broken> {
         let work = run.work.clone();
         let scene = self.compiled(&work)?;
-        self.warm_up(&work, &scene, run.how.backend)?;
+        self.warm_up(&work, &scene, &run.how)?;
         let (renderer, resumed) = self.resume(&work, scene, &run.how)?;
         let open = renderer.open_stats().clone();
         let progress = &mut run.progress;
@@ -319,10 +332,11 @@ impl<'a> Night<'a, '_> {
     }
 
     /// Renders what a cell of the plan has before its clock starts, and throws it away.
-    fn warm_up(&mut self, work: &Work<'a>, scene: &Arc<CompiledScene>, backend: Option<&str>) -> Result<(), Broken> {
+    fn warm_up(&mut self, work: &Work<'a>, scene: &Arc<CompiledScene>, how: &Try) -> Result<(), Broken> {
         let (Some(warmup), CellRef::Cell(_)) = (self.plan.night.warmup, work.cell) else { return Ok(()) };
         let seeds = [identity::warmup_seed()];
-        let mut renderer = Some(self.open(&Work { seeds: &seeds, ..work.clone() }, Arc::clone(scene), backend)?);
+        let work = Work { seeds: &seeds, ..work.clone() };
+        let mut renderer = Some(self.open(&work, Arc::clone(scene), how.backend)?);
         let mut done = WaveStats::default();
         loop {
             let rate = done.samples as f64 / done.render_s;
@@ -355,12 +369,11 @@ impl<'a> Night<'a, '_> {
         scene: Arc<CompiledScene>,
         how: &Try,
     ) -> Result<(Box<dyn Renderer>, Resumed), Broken> {
-        let anew = how.anew;
         let mut renderer = self.open(work, Arc::clone(&scene), how.backend)?;
-        let own = if anew { None } else { self.history.checkpoint(self.plan, work.cell) };
+        let own = if how.anew { None } else { self.history.checkpoint(self.plan, work.cell) };
         let (checkpoint, word) = match own {
             Some(own) => (own, "goes on from its checkpoint after"),
-            None => match self.beginning(work).filter(|_| !anew) {
+            None => match self.beginning(work).filter(|_| !how.anew) {
                 Some(shorter) => (shorter, "goes on from a shorter reference after"),
                 None => return Ok((renderer, Resumed::default())),
             },

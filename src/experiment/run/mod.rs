@@ -17,8 +17,8 @@ mod checkpoint;
 mod floors;
 mod night;
 pub mod patience;
-mod retry;
 mod smoke;
+mod tries;
 mod waves;
 
 use std::collections::BTreeSet;

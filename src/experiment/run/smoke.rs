@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::cell::{Work, advance, guard};
 use super::night::Night;
-use super::retry::Broken;
+use super::tries::Broken;
 use crate::experiment::event::{CellRef, Event, Level};
 use crate::experiment::forecast::Kind;
 use crate::experiment::plan::ReferenceSource;

@@ -1,12 +1,9 @@
-//! Runs whose device was lost, or whose backend failed where the script has left the choice: how they are tried again.
+//! What becomes of a try that came to nothing: another one, on the same backend or another, or the end of the run.
 
 use super::cell::Running;
 use super::night::Night;
 use crate::experiment::event::Level;
 use crate::render::RenderError;
-
-/// How often a run is tried again whose device was lost.
-const MOST_LOSSES: u32 = 3;
 
 /// Why a try of a run came to nothing.
 pub(super) enum Broken {
@@ -42,6 +39,9 @@ impl Broken {
     }
 }
 
+/// How often a run is tried again whose device was lost.
+const MOST_LOSSES: u32 = 3;
+
 /// How a run is tried.
 #[derive(Default)]
 pub(super) struct Try {
@@ -58,27 +58,27 @@ impl Night<'_, '_> {
     ///
     /// A device that was lost is tried again a few times. What a backend cannot do after that another one does, if the
     /// script has left the choice to the program: from the first sample, since two clocks do not add up.
-    ///
-    /// # Errors
-    /// The reason, where it is not tried again.
     pub(super) fn try_again(&mut self, run: &mut Running<'_>, broken: Broken) -> Result<bool, String> {
         let cell = run.work.cell;
+        let kept = run.is_kept();
+        let how = &mut run.how;
         let lost = matches!(broken, Broken::Lost(_));
         if lost && (self.control.stop_requested() || self.late()) {
             self.say(Level::Warn, cell, broken.reason())?;
             return Ok(false);
         }
-        if lost && run.how.losses < MOST_LOSSES {
-            run.how.losses += 1;
-            run.how.anew = run.how.anew && !run.progress.kept.any;
-            let (reason, losses) = (broken.reason(), run.how.losses);
+        if lost && how.losses < MOST_LOSSES {
+            how.losses += 1;
+            how.anew = how.anew && !kept;
+            let (reason, losses) = (broken.reason(), how.losses);
             let text = format!("{reason}; it is tried again from its newest checkpoint ({losses} of {MOST_LOSSES})");
             self.say(Level::Warn, cell, text)?;
             return Ok(true);
         }
-        let open = run.how.backend.is_none() && !matches!(broken, Broken::Other(_));
-        let Some(backend) = run.work.config.fallback.filter(|_| open) else { return Err(broken.reason()) };
-        run.how = Try { anew: true, losses: 0, backend: Some(backend) };
+        let fallback =
+            run.work.config.fallback.filter(|_| how.backend.is_none() && !matches!(broken, Broken::Other(_)));
+        let Some(backend) = fallback else { return Err(broken.reason()) };
+        *how = Try { anew: true, losses: 0, backend: Some(backend) };
         let text = format!("{}; as its backend is `auto`, it is rendered by `{backend}` instead", broken.reason());
         self.say(Level::Warn, cell, text)?;
         Ok(true)
