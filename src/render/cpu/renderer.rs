@@ -47,6 +47,8 @@ pub struct CpuRenderer {
     layers: Option<LayerSums>,
     /// The sums by time, where the job asks for them.
     times: Option<TimeSums>,
+    /// The film that is the sum of those, made when it is asked for: that takes a look at every bin.
+    timed: OnceLock<Film>,
     open_stats: OpenStats,
 }
 
@@ -83,6 +85,7 @@ impl CpuRenderer {
             joint: None,
             layers,
             times,
+            timed: OnceLock::new(),
             accel,
             scene,
             job,
@@ -95,14 +98,6 @@ impl CpuRenderer {
 impl CpuRenderer {
     /// Joins splats and own samples into one film.
     fn join(&mut self) {
-        if let Some(times) = &self.times {
-            times.fill(&mut self.own);
-            if times.has_splats() && self.own.samples > 0 {
-                let own = &self.own;
-                times.join(own, self.joint.get_or_insert_with(|| Film::new(own.width, own.height)));
-            }
-            return;
-        }
         let Some(splats) = self.splats.get().filter(|_| self.own.samples > 0) else { return };
         let own = &self.own;
         let film = self.joint.get_or_insert_with(|| Film::new(own.width, own.height));
@@ -171,6 +166,7 @@ impl Trace for Counted<'_> {
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
+        self.timed = OnceLock::new();
         let first = self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
         let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, times, pool, .. } = self;
@@ -285,7 +281,10 @@ impl Renderer for CpuRenderer {
     }
 
     fn film(&self) -> &Film {
-        self.joint.as_ref().unwrap_or(&self.own)
+        match &self.times {
+            Some(times) => self.timed.get_or_init(|| times.film(&self.own)),
+            None => self.joint.as_ref().unwrap_or(&self.own),
+        }
     }
 
     fn layers(&self) -> &[LayerFilm] {
@@ -317,6 +316,7 @@ impl Renderer for CpuRenderer {
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
         let mut from = Saved::new(state);
+        self.timed = OnceLock::new();
         let take = || {
             self.own.restore(&mut from)?;
             let splats = SplatSums::restore(self.own.sum.len(), &mut from)?;
