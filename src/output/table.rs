@@ -432,7 +432,11 @@ mod tests {
         assert_eq!(table.rows[0].cells[1], TableCell { entry: Entry::Empty, runs: 0, half: None });
         let markdown = table.to_markdown();
         assert!(markdown.contains("| 5     |            – |          – |"), "{markdown}");
-        assert!(markdown.contains("mean of 2 runs (over repeats).\n6 runs have not finished"), "{markdown}");
+        assert!(
+            markdown.contains("mean of 2 runs (over repeats).\n±: half")
+                && markdown.contains("6 runs have not\nfinished"),
+            "{markdown}"
+        );
         assert_eq!(table.to_csv().lines().nth(2), Some("5,,0,,,0,"));
     }
 
