@@ -9,6 +9,8 @@ mod compare;
 mod damage;
 #[path = "cli/errors.rs"]
 mod errors;
+#[path = "cli/external.rs"]
+mod external;
 #[path = "cli/kill.rs"]
 mod kill;
 #[path = "cli/nights.rs"]
@@ -26,6 +28,8 @@ mod reproduce;
 mod signals;
 #[path = "cli/survive.rs"]
 mod survive;
+#[path = "cli/trace.rs"]
+mod trace;
 #[path = "cli/verify.rs"]
 mod verify;
 #[path = "cli/workplace.rs"]

@@ -244,6 +244,7 @@ mod tests {
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "cpu".to_owned(),
+            fallback: None,
         }
     }
 

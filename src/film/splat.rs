@@ -158,17 +158,18 @@ fn fits(value: [f32; 3]) -> bool {
     value.iter().all(|v| v.abs() <= MAX_SPLAT)
 }
 
-/// Splats and their squares, `[y][x][rgb]`: what joins the sums of a [`Film`](super::Film).
+/// Splats and their squares, `[y][x][rgb]`: what joins the sums of a [`Film`](super::Film). A stripe on which nothing has
+/// landed takes no memory.
 #[derive(Debug)]
 pub struct SplatSums {
     stripes: Vec<Mutex<Vec<Wide>>>,
+    pixels: usize,
 }
 
 impl SplatSums {
     /// Sums of nothing for so many pixels, 96 bytes each.
     pub fn new(pixels: usize) -> SplatSums {
-        let stripe = |i: usize| Mutex::new(vec![Wide::default(); STRIPE.min(pixels - i * STRIPE)]);
-        SplatSums { stripes: (0..pixels.div_ceil(STRIPE)).map(stripe).collect() }
+        SplatSums { stripes: (0..pixels.div_ceil(STRIPE)).map(|_| Mutex::default()).collect(), pixels }
     }
 
     /// A stripe's sums. A thread that died has left every one of them as good as any.
@@ -176,15 +177,33 @@ impl SplatSums {
         self.stripes[index].lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// A stripe's sums, all of them there.
+    fn open(&self, index: usize) -> MutexGuard<'_, Vec<Wide>> {
+        let mut stripe = self.stripe(index);
+        if stripe.is_empty() {
+            stripe.resize(STRIPE.min(self.pixels - index * STRIPE), Wide::default());
+        }
+        stripe
+    }
+
     /// Adds a splat to a pixel, from any thread. Returns whether it can be counted, and is: not finite, or beyond
     /// [`MAX_SPLAT`], it is not, and without room for its square the variance of this pixel is worthless.
     #[must_use]
     pub fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
-        fits(value) && self.stripe(pixel / STRIPE)[pixel % STRIPE].add(value)
+        fits(value) && self.open(pixel / STRIPE)[pixel % STRIPE].add(value)
     }
 
     fn at(&self, pixel: usize) -> Wide {
-        self.stripe(pixel / STRIPE)[pixel % STRIPE]
+        self.stripe(pixel / STRIPE).get(pixel % STRIPE).copied().unwrap_or_default()
+    }
+
+    /// The sums and sums of squares of all pixels on whose stripe anything has landed, in their order.
+    pub fn each(&self, mut visit: impl FnMut(usize, [f64; 3], [f64; 3])) {
+        for i in 0..self.stripes.len() {
+            for (k, wide) in self.stripe(i).iter().enumerate() {
+                visit(i * STRIPE + k, wide.sums(), wide.squares());
+            }
+        }
     }
 
     /// The sum of a pixel.
@@ -197,16 +216,17 @@ impl SplatSums {
         self.at(pixel).squares()
     }
 
-    /// Writes the sums, if there are any.
+    /// Writes the sums, if there are any; of a stripe without any one word.
     ///
     /// # Errors
     /// As `to`.
     pub fn save(splats: Option<&SplatSums>, to: &mut dyn Write) -> io::Result<()> {
         let Some(splats) = splats else { return write_words(to, [0]) };
-        let stripes = 0..splats.stripes.len();
-        let pixels: usize = stripes.clone().map(|i| splats.stripe(i).len()).sum();
-        write_words(to, [pixels as u64])?;
-        stripes.into_iter().try_for_each(|i| write_words(to, splats.stripe(i).iter().flat_map(Wide::words)))
+        write_words(to, [splats.pixels as u64])?;
+        (0..splats.stripes.len()).try_for_each(|i| {
+            let stripe = splats.stripe(i);
+            write_words(to, [stripe.len() as u64].into_iter().chain(stripe.iter().flat_map(Wide::words)))
+        })
     }
 
     /// The sums that were written, if there were any, of so many pixels.
@@ -218,8 +238,19 @@ impl SplatSums {
             0 => Ok(None),
             saved if saved == pixels as u64 => {
                 let splats = SplatSums::new(pixels);
-                for pixel in 0..pixels {
-                    splats.stripe(pixel / STRIPE)[pixel % STRIPE] = Wide::of_words(from)?;
+                for i in 0..splats.stripes.len() {
+                    match from.word()? {
+                        0 => {}
+                        n => {
+                            let mut stripe = splats.open(i);
+                            if n != stripe.len() as u64 {
+                                return Err(Misfit);
+                            }
+                            for wide in stripe.iter_mut() {
+                                *wide = Wide::of_words(from)?;
+                            }
+                        }
+                    }
                 }
                 Ok(Some(splats))
             }
@@ -286,7 +317,7 @@ impl SplatBuffer {
         }
         let mut without_room = 0;
         for group in self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE) {
-            let mut stripe = sums.stripe(group[0].0 as usize / STRIPE);
+            let mut stripe = sums.open(group[0].0 as usize / STRIPE);
             for (i, (pixel, value)) in group.iter().enumerate() {
                 if let Some((later, _)) = group.get(i + AHEAD) {
                     prefetch(&stripe[*later as usize % STRIPE]);
@@ -409,7 +440,7 @@ mod tests {
     #[test]
     fn a_buffer_says_how_many_found_no_room() {
         let splats = SplatSums::new(1);
-        splats.stripe(0)[0].square = [u128::MAX; 3];
+        splats.open(0)[0].square = [u128::MAX; 3];
         let mut buffer = SplatBuffer::default();
         assert!(buffer.push(0, [1.0; 3]) && buffer.push(0, [0.0; 3]));
         assert_eq!(buffer.flush(&splats), 1);

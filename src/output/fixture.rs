@@ -48,6 +48,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
             every_s: 0.5,
             metrics: ["rmse", "ssim", "psnr"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap()).to_vec(),
             snapshots: Snapshots::Last,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),
@@ -93,6 +94,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),
+            fallback: None,
         }),
         scene: Arc::new(SceneDesc {
             views: Vec::new(),
@@ -134,7 +136,7 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
             accel_nodes: 100,
             accel_bytes: 3 << 20,
             accel_cost: 12.5,
-            device: String::new(),
+            ..OpenStats::default()
         },
     }
 }

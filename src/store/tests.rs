@@ -44,6 +44,7 @@ fn config() -> Arc<CellConfig> {
         sampler: "independent".to_owned(),
         set: Default::default(),
         backend: "mock".into(),
+        fallback: None,
     })
 }
 
@@ -105,6 +106,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
             every_s: 1.0,
             metrics: vec![],
             snapshots: Snapshots::Last,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

@@ -138,6 +138,7 @@ fn spec() -> Spec {
             every_s: 1e6,
             metrics: Vec::new(),
             snapshots: Snapshots::Last,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),
@@ -165,6 +166,7 @@ pub fn config() -> CellConfig {
         sampler: "independent".to_owned(),
         set: BTreeMap::new(),
         backend: "mock".into(),
+        fallback: None,
     }
 }
 

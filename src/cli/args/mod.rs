@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, TraceArgs, ViewArgs};
 
 use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
@@ -177,6 +177,11 @@ pub enum Verb {
     /// of the picture), equal within noise (with the p-value), or differs here (with the place and a map). Times are not
     /// compared. Exit code 5 says that a picture differs.
     Reproduce(ReproduceArgs),
+    /// Say what one sample of one pixel does, step by step: rays, the vertices where they end, and the light it brings
+    ///
+    /// FILE is a scene, rendered as the options say, or a run's folder, whose `config.json` says how. The steps are the
+    /// same on every backend but for rounding; --backend chooses.
+    Trace(TraceArgs),
     /// Look into the time axis of a run: frames, animations, streaks, curves and arrival
     ///
     /// Draws them anew from the arrays that a finished run with `film = { time = .. }` has left, for the moments, pixels
@@ -191,6 +196,9 @@ pub enum Verb {
     },
     /// Print the manual page (roff; read it with `lumbre man | man -l -`)
     Man,
+    /// Render for another process of this program, which asks through a pipe
+    #[command(hide = true)]
+    Worker,
 }
 
 /// A script and how it is narrowed.

@@ -16,6 +16,7 @@ use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, S
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::integrator::external::PYTHON;
 use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
@@ -68,13 +69,17 @@ pub(super) fn picture(
     scene_hash: &[u8; 32],
 ) -> BTreeMap<String, Value> {
     let kind = config.filter.kind.name();
+    let mut params = config.params.clone();
+    params.remove(PYTHON.key);
     let integrator = map([
         ("name", row.name.into()),
         ("revision", Value::Int(i64::from(row.revision))),
-        ("params", Value::Map(config.params.clone())),
+        ("params", Value::Map(params)),
     ]);
     let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
     let sampler = map([("name", sampler.name.into()), ("revision", Value::Int(i64::from(sampler.revision)))]);
+    // What may have been rendered by another backend than its own must not pass for what cannot.
+    let backend = if config.fallback.is_some() { "auto" } else { config.backend.as_str() };
     let whole = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
     let resolution = config.resolution.map_or(Value::Nil, |r| Value::List(r.map(|n| Value::Int(i64::from(n))).into()));
     let fields = [
@@ -86,7 +91,7 @@ pub(super) fn picture(
         ("rr_start", whole(config.rr_start)),
         ("filter", filter),
         ("sampler", sampler),
-        ("backend", config.backend.as_str().into()),
+        ("backend", backend.into()),
     ];
     // Left out where there are none, so that runs without layers and bins keep the ids they had before these existed.
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
@@ -145,7 +150,11 @@ pub(super) fn measure(measure: &Measure, measured: bool) -> Value {
         Snapshots::Last => "last",
         Snapshots::Pow2 => "pow2",
     };
-    map([("every_s", Value::number(measure.every_s)), ("metrics", Value::List(metrics)), ("keep", keep.into())])
+    let fields =
+        [("every_s", Value::number(measure.every_s)), ("metrics", Value::List(metrics)), ("keep", keep.into())];
+    // Left out where there are none, so that runs without captures keep the ids they had before captures existed.
+    let captures = measure.captures.then_some(("captures", "every".into()));
+    Value::Map(fields.into_iter().chain(captures).map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
 /// A cell's stop rule. A predicate is identified by the script's hash and the point at which it was made, because a
@@ -199,6 +208,7 @@ fn table(table: &TableSpec) -> Value {
         TableValue::Samples => "samples".into(),
         TableValue::RenderS => "render_s".into(),
         TableValue::MpathsPerS => "mpaths_per_s".into(),
+        TableValue::Fps => "fps".into(),
         TableValue::MraysPerS => "mrays_per_s".into(),
         TableValue::AccelBuildS => "accel_build_s".into(),
         TableValue::AccelNodes => "accel_nodes".into(),

@@ -47,6 +47,8 @@ pub struct CpuRenderer {
     layers: Option<LayerSums>,
     /// The sums by time, where the job asks for them.
     times: Option<TimeSums>,
+    /// The film that is the sum of those, made when it is asked for: that takes a look at every bin.
+    timed: OnceLock<Film>,
     open_stats: OpenStats,
 }
 
@@ -73,6 +75,7 @@ impl CpuRenderer {
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
             device: words(&accel, &job.accel, pool.current_num_threads()),
+            ..OpenStats::default()
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
@@ -82,6 +85,7 @@ impl CpuRenderer {
             joint: None,
             layers,
             times,
+            timed: OnceLock::new(),
             accel,
             scene,
             job,
@@ -94,14 +98,6 @@ impl CpuRenderer {
 impl CpuRenderer {
     /// Joins splats and own samples into one film.
     fn join(&mut self) {
-        if let Some(times) = &self.times {
-            times.fill(&mut self.own);
-            if times.has_splats() && self.own.samples > 0 {
-                let own = &self.own;
-                times.join(own, self.joint.get_or_insert_with(|| Film::new(own.width, own.height)));
-            }
-            return;
-        }
         let Some(splats) = self.splats.get().filter(|_| self.own.samples > 0) else { return };
         let own = &self.own;
         let film = self.joint.get_or_insert_with(|| Film::new(own.width, own.height));
@@ -170,6 +166,7 @@ impl Trace for Counted<'_> {
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
+        self.timed = OnceLock::new();
         let first = self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
         let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, times, pool, .. } = self;
@@ -284,7 +281,10 @@ impl Renderer for CpuRenderer {
     }
 
     fn film(&self) -> &Film {
-        self.joint.as_ref().unwrap_or(&self.own)
+        match &self.times {
+            Some(times) => self.timed.get_or_init(|| times.film(&self.own)),
+            None => self.joint.as_ref().unwrap_or(&self.own),
+        }
     }
 
     fn layers(&self) -> &[LayerFilm] {
@@ -296,9 +296,10 @@ impl Renderer for CpuRenderer {
         Some(times.cube([self.own.width, self.own.height], self.own.samples))
     }
 
-    fn layer(&self, index: usize) -> Option<Film> {
-        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
-        Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len());
+        let missing = || RenderError::Failed { backend: "cpu", reason: format!("there is no film {index} of layers") };
+        Ok(layers.ok_or_else(missing)?.film(index, [self.own.width, self.own.height], self.own.samples))
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
@@ -315,6 +316,7 @@ impl Renderer for CpuRenderer {
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
         let mut from = Saved::new(state);
+        self.timed = OnceLock::new();
         let take = || {
             self.own.restore(&mut from)?;
             let splats = SplatSums::restore(self.own.sum.len(), &mut from)?;

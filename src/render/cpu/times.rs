@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use std::sync::OnceLock;
 
 use crate::film::Film;
-use crate::film::splat::SplatSums;
+use crate::film::splat::{self, SplatSums};
 use crate::film::state::{Misfit, Saved, write_words};
 use crate::film::time::{TimeCube, bytes, total};
 use crate::render::Job;
@@ -60,41 +60,41 @@ impl TimeSums {
         }
     }
 
-    /// Makes the sums of the film those of its slots.
-    pub(super) fn fill(&self, film: &mut Film) {
-        for (sum, slots) in film.sum.iter_mut().zip(self.sum.chunks_exact(self.timing.axis.slots())) {
+    /// The film whose sums are those of the slots, splats included; `own` is what samples brought to their own pixels.
+    pub(super) fn film(&self, own: &Film) -> Film {
+        let n = self.timing.axis.slots();
+        let mut film = own.clone();
+        for (sum, slots) in film.sum.iter_mut().zip(self.sum.chunks_exact(n)) {
             *sum = total(slots);
         }
-    }
-
-    /// Own sums and splats together.
-    pub(super) fn join(&self, own: &Film, joint: &mut Film) {
-        let n = self.timing.axis.slots();
-        let Some(splats) = self.splats.get() else { return };
-        joint.samples = own.samples;
-        for (pixel, (sum, sum2)) in joint.sum.iter_mut().zip(&mut joint.sum2).enumerate() {
-            let mut squares = [0.0; 3];
-            let slot = |i: usize| {
-                let landed = splats.sum(i);
-                [0, 1, 2].map(|c| self.sum[i][c] + landed[c])
-            };
-            *sum = [0.0; 3];
-            for i in pixel * n..(pixel + 1) * n {
-                let (all, squared) = (slot(i), splats.sum_of_squares(i));
-                for c in 0..3 {
-                    sum[c] += all[c];
-                    squares[c] += squared[c];
-                }
+        let Some(splats) = self.splats.get() else { return film };
+        let mut landed = vec![([0.0; 3], [0.0; 3]); film.sum.len()];
+        // What lies in slots without splats is added in between, in the order of the slots.
+        let mut sums = vec![[0.0; 3]; film.sum.len()];
+        let mut next = 0;
+        let mut own_up_to = |until: usize, sums: &mut Vec<[f64; 3]>| {
+            for i in next..until {
+                let sum = &mut sums[i / n];
+                (0..3).for_each(|c| sum[c] += self.sum[i][c]);
             }
-            let landed = [0, 1, 2].map(|c| sum[c] - own.sum[pixel][c]);
-            let joined = crate::film::splat::join((landed, squares), (own.sum[pixel], own.sum2[pixel]), own.samples);
-            *sum2 = joined.1;
+            next = until + 1;
+        };
+        splats.each(|i, splat, squares| {
+            own_up_to(i, &mut sums);
+            let (all, pixel) = (&mut sums[i / n], &mut landed[i / n]);
+            for c in 0..3 {
+                all[c] += self.sum[i][c] + splat[c];
+                pixel.0[c] += splat[c];
+                pixel.1[c] += squares[c];
+            }
+        });
+        own_up_to(self.sum.len(), &mut sums);
+        for (pixel, landed) in landed.into_iter().enumerate() {
+            let own = (film.sum[pixel], film.sum2[pixel]);
+            film.sum2[pixel] = splat::join(landed, own, film.samples).1;
+            film.sum[pixel] = sums[pixel];
         }
-    }
-
-    /// Whether any splat has landed.
-    pub(super) fn has_splats(&self) -> bool {
-        self.splats.get().is_some()
+        film
     }
 
     /// All that is known so far.
@@ -108,10 +108,11 @@ impl TimeSums {
             square: self.square.clone(),
         };
         if let Some(splats) = self.splats.get() {
-            for (i, (sum, square)) in cube.sum.iter_mut().zip(&mut cube.square).enumerate() {
-                let (all, squared) = splats.join(i, *sum, square.map(f64::from), samples);
-                (*sum, *square) = (all, squared.map(|q| q as f32));
-            }
+            splats.each(|i, splat, squares| {
+                let own = (cube.sum[i], cube.square[i].map(f64::from));
+                let (all, squared) = splat::join((splat, squares), own, samples);
+                (cube.sum[i], cube.square[i]) = (all, squared.map(|q| q as f32));
+            });
         }
         cube
     }

@@ -59,6 +59,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
+        fallback: None,
     }
 }
 
@@ -112,13 +113,14 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             identity: Value::Nil,
             agree: None,
         }],
-        skipped: vec![Skipped { point: Vec::new(), reason: "black".to_owned() }],
+        skipped: vec![Skipped { point: Vec::new(), reason: "black".to_owned(), absent: false }],
         notes: Vec::new(),
         warnings: Vec::new(),
         measure: Measure {
             every_s: 0.5,
             metrics: vec![metric("rmse"), MetricSpec::new("ssim", "ssim", ssim).unwrap(), metric("psnr")],
             snapshots: Snapshots::Pow2,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),
