@@ -1,5 +1,6 @@
-//! What a hierarchy of boxes is built of: the key `accel` of a render table. It never changes a picture, but what finding
-//! hits costs, and so it is part of what a run is.
+//! How a hierarchy of boxes is built: the key `accel` of a render table. It changes no picture, but for rays that aim at a
+//! box's very edge and for the last digits where copies are kept once, but what finding hits costs, and so it is part of
+//! what a run is.
 
 use std::collections::BTreeMap;
 

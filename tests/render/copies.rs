@@ -373,7 +373,7 @@ fn tangents_of_copies_are_those_of_the_unfolded_scene() {
     let mut next = numbers(3);
     let mut turned = |i: u32| {
         let turn = Quat::from_axis_angle(uniform_sphere([next(), next()]), 6.0 * next());
-        let scale = Vec3::splat(2.0) * if i % 2 == 0 { 1.0 } else { -1.0 };
+        let scale = Vec3::splat(2.0) * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let frame = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::X * i as f32);
         entity(format!("{i}"), ShapeDesc::Mesh(Arc::clone(&blob)), Transform::framed(frame), None)
     };
