@@ -13,7 +13,7 @@ pub enum Request {
     /// A scene to keep until the next one comes.
     Scene(Arc<CompiledScene>),
     /// To open a run of a backend on that scene, under a number.
-    Open(u64, String, Job),
+    Open(u64, String, Box<Job>),
     /// To add so many samples.
     Advance(u64, u64),
     /// The film of a layer.

@@ -104,7 +104,7 @@ impl Pool {
         }
         let run = there.runs;
         there.runs += 1;
-        let reply = there.ask(&Request::Open(run, backend.to_owned(), job)).map_err(lost)?;
+        let reply = there.ask(&Request::Open(run, backend.to_owned(), Box::new(job))).map_err(lost)?;
         let open_stats = match reply {
             Reply::Opened(stats) => stats,
             other => return Err(refused(&mut there, backend, other)),

@@ -72,7 +72,7 @@ impl Bench<'_> {
             Request::Open(run, backend, job) => {
                 let none = || RenderError::Failed { backend: "worker", reason: "there is no scene".to_owned() };
                 let scene = self.scene.clone().ok_or_else(none)?;
-                let renderer = (self.open)(&backend, scene, job)?;
+                let renderer = (self.open)(&backend, scene, *job)?;
                 let stats = renderer.open_stats().clone();
                 self.runs.insert(run, renderer);
                 Reply::Opened(stats)

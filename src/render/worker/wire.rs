@@ -201,6 +201,16 @@ impl<T: Wire> Wire for Arc<T> {
     }
 }
 
+impl<T: Wire> Wire for Box<T> {
+    fn put(&self, to: &mut Vec<u8>) {
+        T::put(self, to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<Box<T>, Garbled> {
+        T::take(from).map(Box::new)
+    }
+}
+
 /// Many bytes at once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Blob(pub Vec<u8>);
