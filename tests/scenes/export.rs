@@ -29,7 +29,7 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
     (back, format!("{}{}", lines(&exported.notes), lines(&notes)))
 }
 
-fn picture(desc: &SceneDesc) -> Image {
+pub(super) fn picture(desc: &SceneDesc) -> Image {
     let (scene, _) = compile(desc).unwrap();
     let job = Job {
         integrator: integrator("nee").unwrap(),

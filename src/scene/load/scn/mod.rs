@@ -22,7 +22,7 @@
 
 mod light;
 mod material;
-mod reader;
+pub(super) mod reader;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
