@@ -92,7 +92,7 @@ fn the_camera_sees_the_column_of_the_map_that_the_source_sees() {
     for (offset, columns) in [("0", [1, 2]), ("0.5", [5, 6]), ("-0.25", [7, 0])] {
         let place = folder(&format!("{{xRes: 1, hdri: {{name: 'sky', xOffset: {offset}}}}}"));
         let mut texels = vec![image::Rgb([0.0f32; 3]); 8];
-        columns.map(|c| texels[c] = image::Rgb([1.0f32; 3]));
+        columns.iter().for_each(|c| texels[*c] = image::Rgb([1.0f32; 3]));
         let file = std::fs::File::create(place.path("HDRI/sky.hdr")).unwrap();
         HdrEncoder::new(file).encode(&texels, 8, 1).unwrap();
         let (desc, _) = read(&place);

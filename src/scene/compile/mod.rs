@@ -9,7 +9,7 @@ mod texture;
 use glam::{Vec2, Vec3, Vec4};
 
 pub use flatten::{MAX_PRIMITIVES, compile};
-pub use lights::{DirectionalLight, Environment, PointLight};
+pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, UvMap};
 

@@ -12,7 +12,9 @@
 //!   over 256.
 //! - `albedo` is 0.5 and `roughness` 1 where nothing says otherwise; `eta` is the index of refraction, or follows from
 //!   `specular`, of which the reflectance straight on is 0.08.
-//! - `radiance` of a point light is its radiant intensity; `xOffset` of an HDRI turns it by that part of a whole turn.
+//! - `radiance` of a point light is its radiant intensity. Of `n` lights the program draws one and divides by `n / 2 pi`,
+//!   which is no probability: its lights are `2 pi / n^2` times as bright.
+//! - `xOffset` of an HDRI turns it by that part of a whole turn.
 //!
 //! Beyond the source, `pointLights` may leave out `radiance`, and PNG, TGA and EXR are found under the same names.
 

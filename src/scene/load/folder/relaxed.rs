@@ -205,7 +205,7 @@ mod tests {
             assert!(found == place && problem.contains(word), "{text}: {found:?} {problem}");
         }
         assert!(parse(&"[".repeat(100_000)).unwrap_err().1.contains("deep"));
-        assert_eq!(parse(r"'C:\scenes\'a'").unwrap_err().0, [1, 14]);
+        assert_eq!(parse(r"'C:\scenes\'").unwrap_err().0, [1, 1]);
         assert_eq!(parse(r"'C:\scenes'").unwrap(), json!(r"C:\scenes"));
     }
 
