@@ -1,11 +1,13 @@
 -- A glade: trees whose leaves are cut out by masks, all copies of three, on a rolling floor with grass.
 --
 -- For the forest of the third source (figure 6.8), whose leaves give light back late, and for questions about instances:
--- `trees` says how many. Every leaf has the material `leaf`, every needle of grass `grass`.
+-- with `leaves = "chlorophyll"` they do. `trees` says how many: from some hundred on they are kept once for rendering too,
+-- and ten thousand take little more memory than one. Every leaf has the material `leaf`, every needle of grass `grass`.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local count = s:option("trees", 60)
 local light = s:option("light", { "sun", "overcast" })
+local leaves = s:option("leaves", { "plain", "chlorophyll" })
 
 s:view("glade", { position = { 0, 1.7, 13 }, target = { 0, 2.6, 0 }, fov = 50 })
 s:view("crown", { position = { 3.2, 3.4, 5.6 }, target = { -2, 4.2, -3 }, fov = 46 })
@@ -34,7 +36,14 @@ local leaf = texture.paint { size = { 48, 48 }, color = function(u, v)
 end }
 
 s:material("bark", { base_color_texture = bark, roughness = 0.95 })
-s:material("leaf", { base_color_texture = leaf, mask_texture = mask, roughness = 0.45, subsurface = 0.5 })
+if leaves == "plain" then
+  s:material("leaf", { base_color_texture = leaf, mask_texture = mask, roughness = 0.45, subsurface = 0.5 })
+else
+  -- Green at once, and red light two units of optical length later.
+  s:material("leaf_green", { base_color_texture = leaf, roughness = 0.45, subsurface = 0.5 })
+  s:material("leaf_red", { model = "lambert", base_color = { 0.8, 0.04, 0.03 }, delay = "constant", delay_constant = 2 })
+  s:material("leaf", { parts = { "leaf_green", "leaf_red" }, weights = { 0.7, 0.3 }, mask_texture = mask })
+end
 s:material("grass", { base_color = { 0.13, 0.25, 0.05 }, roughness = 0.6 })
 s:material("soil", { base_color = { 0.13, 0.09, 0.05 }, roughness = 1 })
 

@@ -9,6 +9,7 @@ local x = experiment("scenes", { seed = 3 })
 local scenes = {
   { "cornell", "front" }, { "veach_lamps", "room" }, { "veach_mis", "" }, { "material_ball", "" },
   { "atrium", "atrium" }, { "bedroom", "door" }, { "forest", "glade" }, { "many_lights", "" }, { "instances", "" },
+  { "model", "" },
 }
 local names, views = {}, {}
 for i, scene in ipairs(scenes) do names[i], views[scene[1]] = scene[1], scene[2] end

@@ -5,6 +5,8 @@
 
 #[path = "experiment/errors.rs"]
 mod errors;
+#[path = "experiment/fairness.rs"]
+mod fairness;
 #[path = "experiment/fixtures.rs"]
 mod fixtures;
 #[path = "experiment/identity.rs"]
@@ -13,6 +15,8 @@ mod identity;
 mod intervention;
 #[path = "experiment/listeners.rs"]
 mod listeners;
+#[path = "experiment/lost.rs"]
+mod lost;
 #[path = "experiment/night.rs"]
 mod night;
 #[path = "experiment/references.rs"]

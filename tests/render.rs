@@ -28,8 +28,12 @@ mod bsdf_interfaces;
 mod bsdf_limits;
 #[path = "render/bsdf_symmetry.rs"]
 mod bsdf_symmetry;
+#[path = "render/builders.rs"]
+mod builders;
 #[path = "render/camera.rs"]
 mod camera;
+#[path = "render/copies.rs"]
+mod copies;
 #[path = "render/determinism.rs"]
 mod determinism;
 #[path = "render/film.rs"]

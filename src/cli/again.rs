@@ -22,21 +22,28 @@ pub fn last_command(experiment: &Path, global: &Global) -> Result<(ScriptArgs, G
     let text = std::fs::read(&file).map_err(|e| unknown(&format!("{}: {e}", shown(&file))))?;
     let env: Json = serde_json::from_slice(&text).map_err(|e| unknown(&format!("{}: {e}", shown(&file))))?;
     let given = env["arguments"].as_array().into_iter().flatten().filter_map(Json::as_str);
-    let cli = Cli::try_parse_from(std::iter::once("lumbre").chain(given)).map_err(|_| unknown("no command"))?;
-    let script = match cli.verb {
-        Verb::Run(args) => args.script,
-        Verb::Retry(args) => match args.script() {
-            Some(script) => script,
-            None => return Err(unknown("it was run by `lumbre retry` alone")),
-        },
-        _ => return Err(unknown("it was not run by `lumbre run`")),
-    };
+    let (script, then) = parse(given).map_err(unknown)?;
     let out = std::path::absolute(&global.out).map_err(Failure::usage)?;
     let folder = PathBuf::from(env["folder"].as_str().unwrap_or("."));
     std::env::set_current_dir(&folder).map_err(|e| unknown(&format!("{}: {e}", folder.display())))?;
-    let backend = global.backend.clone().or(cli.global.backend);
-    let lenient = global.lenient || cli.global.lenient;
+    let backend = global.backend.clone().or(then.backend);
+    let lenient = global.lenient || then.lenient;
     Ok((script, Global { out, backend, lenient, ..global.clone() }))
+}
+
+/// The script of a command that made a plan, as it was narrowed, and the options that went with it.
+///
+/// # Errors
+/// Why it is no such command.
+pub fn parse<'a>(arguments: impl Iterator<Item = &'a str>) -> Result<(ScriptArgs, Global), &'static str> {
+    let cli = Cli::try_parse_from(std::iter::once("lumbre").chain(arguments)).map_err(|_| "no command")?;
+    let script = match cli.verb {
+        Verb::Run(args) => args.script,
+        Verb::Submit(args) => args.to.job().script.clone(),
+        Verb::Retry(args) => args.script().ok_or("it was run by `lumbre retry` alone")?,
+        _ => return Err("it was not run by `lumbre run`"),
+    };
+    Ok((script, cli.global))
 }
 
 /// The experiment that was run last below `out`.

@@ -86,7 +86,7 @@ fn writable(out: &Path) -> Result<String, String> {
 }
 
 /// Instruction sets that matter to tracing rays, as far as this processor has them.
-fn cpu_features() -> Vec<&'static str> {
+pub(super) fn cpu_features() -> Vec<&'static str> {
     let mut found = Vec::new();
     #[cfg(target_arch = "x86_64")]
     {

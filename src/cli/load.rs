@@ -25,8 +25,20 @@ pub fn plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), F
     Ok((script, plan))
 }
 
+/// The same for other machines, whose devices this one may lack.
+pub fn plan_elsewhere(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), Failure> {
+    expect_script(&args.script)?;
+    let script = script::load(&args.script).map_err(Failure::diagnostic)?;
+    let plan = planned_for(&script, args, global, true)?;
+    Ok((script, plan))
+}
+
 /// Expands the plan of a script that was read.
 pub fn planned(script: &Script, args: &ScriptArgs, global: &Global) -> Result<Arc<Plan>, Failure> {
+    planned_for(script, args, global, false)
+}
+
+fn planned_for(script: &Script, args: &ScriptArgs, global: &Global, elsewhere: bool) -> Result<Arc<Plan>, Failure> {
     let pairs = |(axis, values): &(String, Vec<Value>)| -> Vec<(String, Value)> {
         values.iter().map(|value| (axis.clone(), value.clone())).collect()
     };
@@ -34,6 +46,7 @@ pub fn planned(script: &Script, args: &ScriptArgs, global: &Global) -> Result<Ar
         axes: args.axes.clone(),
         only: args.only.iter().flat_map(pairs).collect(),
         backend: global.backend.clone(),
+        elsewhere,
     };
     let mut load =
         |path: &Path, options: &BTreeMap<String, Value>| script::scene::read(path, options, global.missing());

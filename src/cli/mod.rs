@@ -8,6 +8,7 @@ mod args;
 mod bench;
 mod builtin;
 mod check;
+mod cluster;
 mod compare;
 mod docs;
 mod doctor;
@@ -27,9 +28,12 @@ mod signals;
 mod space;
 mod status;
 mod text;
+mod trace;
 mod until;
 pub mod verify;
+mod view;
 mod watch;
+mod worker;
 
 use std::process::ExitCode;
 
@@ -59,10 +63,17 @@ pub fn main() -> ExitCode {
 
 fn verb(cli: &Cli) -> Result<Exit, Failure> {
     let global = &cli.global;
+    if let Verb::Worker = cli.verb {
+        return worker::main();
+    }
     let log = log::Log::install(global.quiet);
+    worker::employ();
     match &cli.verb {
         Verb::Run(args) => run::main(args, global, &log),
         Verb::Retry(args) => run::retry(args, global, &log),
+        Verb::Work(args) => cluster::work(args, global, &log),
+        Verb::Submit(args) => cluster::submit(args, global),
+        Verb::Cancel(args) => cluster::cancel(args, global),
         Verb::Explain(args) => explain::main(args, global),
         Verb::Plan(args) => plan::main(args, global),
         Verb::Check(args) => check::main(args, global),
@@ -78,9 +89,12 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Metric(args) => compare::metric(args, global),
         Verb::Diff(args) => compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),
+        Verb::View(args) => view::main(args, global),
         Verb::Report(args) => report::main(args, global),
+        Verb::Trace(args) => trace::main(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
+        Verb::Worker => worker::main(),
     }
 }
 
@@ -93,7 +107,12 @@ fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
             talk(line);
         }
     };
-    let report = bench::measure(args, global.threads, &mut say).map_err(Failure::usage)?;
+    let report = if args.cluster_sim {
+        bench::cluster(&global.out, &mut say)
+    } else {
+        bench::measure(args, global.threads, &mut say)
+    };
+    let report = report.map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());
     crate::store::atomic(&file, json.as_bytes()).map_err(Failure::internal)?;
     data(if args.json { &json } else { report.text() })?;

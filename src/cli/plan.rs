@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
@@ -10,11 +11,13 @@ use super::exit::{Exit, Failure, data};
 use super::load::{self, decode, shown};
 use super::run::counted;
 use super::text;
-use crate::experiment::event::History;
+use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::floors;
+use crate::experiment::forecast::{Forecast, Kind, Pace, Paces, forecast};
 use crate::experiment::plan::{Estimate, ReferenceSource, unreachable};
+use crate::experiment::spec::Order;
 use crate::experiment::{Cell, CellRef, Plan, StopRule};
-use crate::store::{Archive, plan_json};
+use crate::store::{Archive, archived_paces, plan_json};
 
 /// Prints a script's plan.
 pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
@@ -26,21 +29,68 @@ pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
 pub(super) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit, Failure> {
     let archive = Archive::new(&global.out, decode);
     let found = |cell: CellRef| archive.done(plan, cell).map(|run| shown(&run.folder));
-    let cells: Vec<Option<String>> = (0..plan.cells.len()).map(|i| found(CellRef::Cell(i))).collect();
+    let runs: Vec<Option<FinishedRun>> = (0..plan.cells.len()).map(|i| archive.done(plan, CellRef::Cell(i))).collect();
+    let cells: Vec<Option<String>> = runs.iter().map(|run| run.as_ref().map(|run| shown(&run.folder))).collect();
     let references: Vec<Option<String>> = (0..plan.references.len()).map(|i| found(CellRef::Reference(i))).collect();
     let estimate = plan.estimate(&|cell| match cell {
         CellRef::Cell(i) => cells[i].is_none(),
         CellRef::Reference(i) => references[i].is_none(),
     });
     let reach = out_of_reach(plan, &archive);
+    let begun: Vec<Option<u64>> = (0..plan.references.len()).map(|i| archive.begun(plan, i)).collect();
+    let left = forecast(plan, &paces(plan, &runs, &global.out), &|cell| match cell {
+        CellRef::Cell(i) => cells[i].is_none(),
+        CellRef::Reference(i) => references[i].is_none(),
+    });
+    let ahead = Ahead { estimate, left, begun, reach };
     if as_json {
-        let mut json = with_states(plan, &cells, &references, &estimate);
-        json["out_of_reach"] = reach.into();
+        let mut json = with_states(plan, &cells, &references, &ahead.estimate);
+        let left = ahead.left;
+        json["forecast"] = json!({
+            "seconds": left.seconds, "at_most": left.at_most, "rough": left.rough, "runs": left.known,
+            "unknown_runs": left.unknown,
+        });
+        json["goes_on_from"] = ahead.begun.into();
+        json["out_of_reach"] = ahead.reach.into();
         data(&format!("{json:#}\n"))?;
     } else {
-        data(&page(plan, &cells, &references, &estimate, &reach))?;
+        data(&page(plan, &cells, &references, &ahead))?;
     }
     Ok(Exit::Done)
+}
+
+/// What is known of the work ahead.
+struct Ahead {
+    estimate: Estimate,
+    left: Forecast,
+    /// Of each reference, the samples per pixel of a shorter one from which it goes on.
+    begun: Vec<Option<u64>>,
+    /// What the noise of references puts out of reach.
+    reach: Vec<String>,
+}
+
+/// How fast the runs were that are there: those of this plan, and those of all other nights.
+fn paces(plan: &Plan, runs: &[Option<FinishedRun>], out: &Path) -> Paces {
+    let mut paces = archived_paces(out);
+    for (cell, run) in plan.cells.iter().zip(runs) {
+        if let Some(pace) = run.as_ref().and_then(|run| Pace::of(run.rows.last()?, &cell.stop)) {
+            paces.learn(Kind::of(&cell.config), pace);
+        }
+    }
+    paces
+}
+
+/// The forecast in words.
+fn foretold(left: &Forecast) -> Option<String> {
+    if left.known == 0 {
+        return None;
+    }
+    let unknown = match left.unknown {
+        0 => String::new(),
+        n => format!("; of {} nothing can be said before the smoke pass", counted(n, "run")),
+    };
+    let runs = counted(left.known, "run");
+    Some(format!("forecast: {} {} for {runs}{unknown}", left.sign(), text::duration(left.seconds)))
 }
 
 fn with_states(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], estimate: &Estimate) -> Json {
@@ -81,13 +131,8 @@ fn out_of_reach(plan: &Plan, history: &dyn History) -> Vec<String> {
     awaited.into_iter().flat_map(sentences).collect()
 }
 
-fn page(
-    plan: &Plan,
-    cells: &[Option<String>],
-    references: &[Option<String>],
-    estimate: &Estimate,
-    reach: &[String],
-) -> String {
+fn page(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], ahead: &Ahead) -> String {
+    let Ahead { estimate, left, begun, reach } = ahead;
     let mut out = format!("{}  plan {}\n\n", plan.name, &plan.hash[..plan.hash.len().min(8)]);
     let state = |folder: &Option<String>| match folder {
         Some(folder) => format!("cached in {folder}"),
@@ -95,12 +140,19 @@ fn page(
     };
     if !plan.references.is_empty() {
         let mut lines = vec![["reference", "source", "stop", "state"].map(str::to_owned).to_vec()];
-        for (reference, folder) in plan.references.iter().zip(references) {
+        for (place, (reference, folder)) in plan.references.iter().zip(references).enumerate() {
             let (source, stop, state) = match &reference.source {
                 ReferenceSource::Render { config, stop, .. } => {
-                    (format!("{} {}", config.integrator, config.scene), stop.describe(), state(folder))
+                    let begun = begun[place].map(|samples| format!("new, goes on from {samples} samples per pixel"));
+                    let state = begun.filter(|_| folder.is_none()).unwrap_or_else(|| state(folder));
+                    (format!("{} {}", config.integrator, config.scene), stop.describe(), state)
                 }
-                ReferenceSource::File(file) => (shown(file), String::new(), "file".to_owned()),
+                ReferenceSource::File { file, source } => {
+                    let content = reference.identity.as_map().and_then(|fields| fields.get("file")?.as_str());
+                    let digits: String = content.unwrap_or_default().chars().take(8).collect();
+                    let maker = if source.is_empty() { "nobody says who made it" } else { source };
+                    (shown(file), String::new(), format!("file, blake3 {digits}, {maker}; its noise is unknown"))
+                }
             };
             lines.push(vec![short(&reference.id.0), source, stop, state]);
         }
@@ -135,6 +187,25 @@ fn page(
         counted(plan.skipped.len(), "point")
     );
     let _ = writeln!(out, "estimate: {}", in_words(estimate));
+    if let Some(forecast) = foretold(left) {
+        let _ = writeln!(out, "{forecast}");
+    }
+    let heats = plan.heats(plan.night.deadline.is_some());
+    let most = heats.iter().map(Vec::len).max().unwrap_or(0);
+    match plan.night.order {
+        Order::Sequential => {}
+        Order::Shuffled => out += "order: shuffled\n",
+        Order::Interleave => {
+            let _ = writeln!(out, "order: {}, of up to {most} runs that take turns", counted(heats.len(), "heat"));
+        }
+    }
+    if let Some(warmup) = plan.night.warmup {
+        let _ = writeln!(out, "warm-up of every cell, thrown away: {}", warmup.describe());
+    }
+    let doubles = plan.cells.iter().filter(|cell| cell.control.is_some()).count();
+    if doubles > 0 {
+        let _ = writeln!(out, "control: {} of the cells double others for the A/A check", doubles);
+    }
     for note in &plan.notes {
         let _ = writeln!(out, "note: {note}");
     }
@@ -158,7 +229,7 @@ fn in_words(estimate: &Estimate) -> String {
         parts.push(format!("{} without a limit of time or samples", counted(estimate.unbounded, "run")));
     }
     if estimate.layer_bytes > 0 {
-        parts.push(format!("layers take up to {} of memory", text::size(estimate.layer_bytes)));
+        parts.push(format!("layers and bins take up to {} of memory", text::size(estimate.layer_bytes)));
     }
     if parts.is_empty() { "nothing to render".to_owned() } else { parts.join("; ") }
 }

@@ -1,6 +1,7 @@
 //! The sink that keeps results: it hears the night and fills the run folders.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -16,11 +17,12 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Control, Event, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image};
-use crate::output::{exr, layer, plot, png};
+use crate::output::{exr, layer, plot, png, time};
 use crate::render::OpenStats;
 use crate::scene::desc::content_hash;
-use crate::store::{FILMS, HALVES, NOISE, RunWriter, Store, StoreError, utc};
+use crate::store::{FILMS, HALVES, Host, NOISE, RunWriter, Store, StoreError, utc};
 
 /// What wrote the files.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -31,15 +33,24 @@ pub struct Recorder<'a> {
     plan: Arc<Plan>,
     log: Log,
     control: Arc<Control>,
-    current: Option<Current>,
+    /// The runs that are being filled; several where they take turns.
+    current: BTreeMap<CellRef, Current>,
+    /// The run whose log is written.
+    logged: Option<CellRef>,
     /// The noise floors of the plan's references, as far as they were told.
     floors: BTreeMap<usize, Floors>,
 }
 
-/// The run that is being filled.
+/// What a run has besides its picture.
+struct Apart<'a> {
+    layers: &'a [LayerImage],
+    times: Option<&'a TimeCube>,
+}
+
+/// A run that is being filled.
 struct Current {
-    cell: CellRef,
     writer: RunWriter,
+    log: File,
     open: OpenStats,
     facts: Facts,
     /// The noise floors of what it is measured against.
@@ -77,7 +88,7 @@ impl Facts {
 impl<'a> Recorder<'a> {
     /// A recorder of one night of `plan`. Where the disk is full it waits until `control` is asked to stop.
     pub fn new(store: &'a Store, plan: Arc<Plan>, log: Log, control: Arc<Control>) -> Recorder<'a> {
-        Recorder { store, plan, log, control, current: None, floors: BTreeMap::new() }
+        Recorder { store, plan, log, control, current: BTreeMap::new(), logged: None, floors: BTreeMap::new() }
     }
 
     fn start(
@@ -100,16 +111,27 @@ impl<'a> Recorder<'a> {
             let before: Vec<WaveRow> = before.iter().map(|row| with_net(&self.plan, &floors, row)).collect();
             self.patiently(|| writer.open_metrics(&columns, &before))?;
         }
-        self.log.set_run(Some(self.patiently(|| writer.open_log())?));
-        self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
+        let log = self.patiently(|| writer.open_log())?;
         let facts = self.facts(cell, open);
         let fields = json!({
             "run": facts.run, "path": self.path(cell), "device": open.device,
-            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes,
+            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes, "accel_bytes": open.accel_bytes,
+            "accel_cost": open.accel_cost,
         });
-        self.current = Some(Current { cell, writer, open: open.clone(), facts, floors, halves: None });
+        self.current.insert(cell, Current { writer, log, open: open.clone(), facts, floors, halves: None });
+        self.turn_to(cell);
+        self.log.run_line(LogLevel::INFO, &format!("started on {}", open.device));
         self.tell("cell_started", &fields);
         Ok(())
+    }
+
+    /// Log lines are this run's from now on, if it is being filled.
+    fn turn_to(&mut self, cell: CellRef) {
+        if self.logged != Some(cell) {
+            let log = self.current.get(&cell).and_then(|current| current.log.try_clone().ok());
+            self.logged = log.is_some().then_some(cell);
+            self.log.set_run(log);
+        }
     }
 
     /// Writes, and waits where there is no space.
@@ -122,7 +144,7 @@ impl<'a> Recorder<'a> {
             CellRef::Cell(i) => (self.plan.cells[i].seed, Some(&self.plan.cells[i].scene)),
             CellRef::Reference(i) => match &self.plan.references[i].source {
                 ReferenceSource::Render { seeds, scene, .. } => (seeds[0], Some(scene)),
-                ReferenceSource::File(_) => (0, None),
+                ReferenceSource::File { .. } => (0, None),
             },
         };
         let hex = |hash: [u8; 32]| blake3::Hash::from(hash).to_hex().to_string();
@@ -144,7 +166,7 @@ impl<'a> Recorder<'a> {
 
     fn wave(&mut self, cell: CellRef, row: &WaveRow, image: &Image, pow2: bool) -> Result<(), SinkError> {
         let keep = pow2 && self.plan.measure.snapshots == Snapshots::Pow2;
-        let Some(current) = self.current.as_mut().filter(|c| c.cell == cell) else { return Ok(()) };
+        let Some(current) = self.current.get_mut(&cell) else { return Ok(()) };
         if let CellRef::Reference(_) = cell {
             return Ok(());
         }
@@ -165,10 +187,10 @@ impl<'a> Recorder<'a> {
         cell: CellRef,
         reason: &str,
         film: &Film,
-        layers: &[LayerImage],
+        apart: Apart,
         rows: &[WaveRow],
     ) -> Result<(), SinkError> {
-        let Some(current) = self.current.take_if(|c| c.cell == cell) else {
+        let Some(current) = self.current.remove(&cell) else {
             return Err(SinkError("the run ended before it was started".to_owned()));
         };
         let Current { writer, open, facts, floors, halves, .. } = current;
@@ -186,7 +208,12 @@ impl<'a> Recorder<'a> {
         self.patiently(|| writer.write(&format!("{name}.exr"), &linear))?;
         let shown = png::encode(&image, self.plan.measure.display, &metadata).map_err(failed)?;
         self.patiently(|| writer.write(&format!("{name}.png"), &shown))?;
+        let layers = apart.layers;
         self.keep_layers(cell, &writer, layers, &metadata)?;
+        let stills = match apart.times {
+            Some(times) => self.keep_times(cell, &writer, times, &metadata)?,
+            None => Vec::new(),
+        };
         self.log.run_line(LogLevel::INFO, &format!("done: {reason}"));
         let mut done = done_json(&facts, &open, reason, film.samples, &last, &self.metrics(&last));
         if !floors.is_empty() {
@@ -201,7 +228,34 @@ impl<'a> Recorder<'a> {
         if !layers.is_empty() {
             done["films"] = layers.iter().map(|layer| layer.film.name()).collect();
         }
+        if let (false, Some(films)) = (stills.is_empty(), done["films"].as_array_mut()) {
+            films.extend(stills.into_iter().map(Json::from));
+        } else if !stills.is_empty() {
+            done["films"] = stills.into();
+        }
         self.patiently(|| writer.finish(&done))
+    }
+
+    /// Writes what a film with a time axis has to show, and says the names of its stills.
+    fn keep_times(
+        &self,
+        cell: CellRef,
+        writer: &RunWriter,
+        times: &TimeCube,
+        metadata: &[(String, String)],
+    ) -> Result<Vec<String>, SinkError> {
+        let timing = match cell {
+            CellRef::Cell(i) => self.plan.cells[i].config.timing.as_ref(),
+            CellRef::Reference(_) => None,
+        };
+        let seconds = timing.and_then(|timing| timing.seconds());
+        let mut stills = Vec::new();
+        for file in time::files(times, seconds, metadata).map_err(failed)? {
+            self.patiently(|| writer.write(&format!("{FILMS}/{}", file.name), &file.bytes))?;
+            let still = file.name.strip_suffix(".exr").filter(|name| time::still_length(name).is_some());
+            stills.extend(still.map(str::to_owned));
+        }
+        Ok(stills)
     }
 
     /// Writes the films of all layers, and the sheets on which they stand side by side.
@@ -232,13 +286,13 @@ impl<'a> Recorder<'a> {
 
     /// Writes the halves of the reference that is being filled, and its standard error.
     fn halves(&mut self, reference: usize, halves: &[Arc<Film>; 2]) -> Result<(), SinkError> {
-        let Some(current) = self.current.as_mut().filter(|c| c.cell == CellRef::Reference(reference)) else {
+        let Some(current) = self.current.get_mut(&CellRef::Reference(reference)) else {
             return Err(SinkError("halves of a reference that was never started".to_owned()));
         };
         let wait = || std::thread::sleep(space::STEP);
         let seeds = match &self.plan.references[reference].source {
             ReferenceSource::Render { seeds, .. } => *seeds,
-            ReferenceSource::File(_) => [0; 2],
+            ReferenceSource::File { .. } => [0; 2],
         };
         let metadata = |samples: u64, seed: u64| {
             let mut facts = current.facts.metadata(samples);
@@ -266,7 +320,7 @@ impl<'a> Recorder<'a> {
     fn agreement(&self, reference: usize, with: usize, found: &Agreement) -> Result<(), SinkError> {
         let technique = match &self.plan.references[with].source {
             ReferenceSource::Render { config, .. } => config.integrator.as_str(),
-            ReferenceSource::File(_) => "file",
+            ReferenceSource::File { .. } => "file",
         };
         let ids = [reference, with].map(|i| self.plan.references[i].id.0.clone());
         let finding = json!({
@@ -331,6 +385,9 @@ impl<'a> Recorder<'a> {
 
 impl Sink for Recorder<'_> {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+        if let Some(cell) = event.cell().filter(|cell| self.current.contains_key(cell)) {
+            self.turn_to(cell);
+        }
         match event {
             Event::NightStarted { plan } => {
                 let fields = json!({
@@ -350,17 +407,29 @@ impl Sink for Recorder<'_> {
             }
             Event::Agreement { reference, with, found } => self.agreement(*reference, *with, found),
             Event::Halves { reference, halves } => self.halves(*reference, halves),
-            Event::CellFinished { cell, outcome, film, layers, rows } => {
+            Event::CellFinished { cell, outcome, film, layers, times, rows } => {
                 let kept = match (outcome, film) {
-                    (Outcome::Done(reason), Some(film)) => self.finish(*cell, reason, film, layers, rows),
+                    (Outcome::Done(reason), Some(film)) => {
+                        self.finish(*cell, reason, film, Apart { layers, times: times.as_deref() }, rows)
+                    }
                     (Outcome::Done(_), None) => Err(SinkError("it is done but left no picture".to_owned())),
                     (Outcome::Failed(reason), _) => {
                         self.log.run_line(LogLevel::ERROR, &format!("failed: {reason}"));
                         self.store.fail(&self.plan, *cell, reason).map_err(lost)
                     }
-                    (Outcome::Cached(_) | Outcome::Interrupted, _) => Ok(()),
+                    (Outcome::Cached(_), _) => {
+                        if let CellRef::Reference(place) = *cell
+                            && let Err(e) = self.store.import(&self.plan, place)
+                        {
+                            // The night reads the file itself.
+                            tracing::warn!("the reference was not copied: {e}");
+                        }
+                        Ok(())
+                    }
+                    (Outcome::Interrupted, _) => Ok(()),
                 };
-                self.current = None;
+                self.current.remove(cell);
+                self.logged = None;
                 self.log.set_run(None);
                 kept?;
                 // What was there already is no news; ten thousand such lines every night would hide what is.
@@ -381,6 +450,14 @@ impl Sink for Recorder<'_> {
                     let fields = json!({ "level": log_level.to_string(), "run": run, "text": text });
                     self.tell("message", &fields);
                 }
+                Ok(())
+            }
+            Event::Forecast(left) => {
+                let fields = json!({
+                    "left_s": left.seconds, "at_most": left.at_most, "rough": left.rough, "known": left.known,
+                    "unknown": left.unknown,
+                });
+                self.tell("forecast", &fields);
                 Ok(())
             }
             Event::NightFinished => {
@@ -418,8 +495,11 @@ fn done_json(facts: &Facts, open: &OpenStats, reason: &str, samples: u64, last: 
         "metrics": metrics,
         "seed": facts.seed,
         "device": facts.device,
+        "processor": Host::here().cpu,
         "accel_build_s": open.accel_build_s,
         "accel_nodes": open.accel_nodes,
+        "accel_bytes": open.accel_bytes,
+        "accel_cost": open.accel_cost,
         "scene_hash": facts.scene_hash,
         "program": PROGRAM,
         "finished": utc(SystemTime::now()),

@@ -6,20 +6,22 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::again::{last_command, latest};
-use super::args::{Global, NightArgs, RetryArgs, RunArgs};
+use super::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
+use super::cluster::freeze;
 use super::exit::{Exit, Failure, data, talk};
 use super::load::{self, decode, shown};
 use super::log::Log;
 use super::recorder::Recorder;
 use super::{signals, until};
 use crate::experiment::event::{History, Level};
+use crate::experiment::forecast::Paces;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
-use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, run};
+use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, control, run};
 use crate::output::{plot, summary, table};
 use crate::render;
 use crate::script::Script;
-use crate::store::Store;
+use crate::store::{Store, archived_paces};
 use crate::tui;
 
 /// Runs an experiment.
@@ -28,7 +30,7 @@ pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure>
     if args.dry_run {
         return super::plan::print(&plan, global, false);
     }
-    let how = How { night: &args.night, only_failed: false, named: true };
+    let how = How { night: &args.night, only_failed: false, script: Some(&args.script) };
     carry_out(&script, &plan, &how, global, log)
 }
 
@@ -39,7 +41,8 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
         None => last_command(&latest(&global.out)?, global)?,
     };
     let (script, plan) = load::plan(&wanted, &global)?;
-    let how = How { night: &args.night, only_failed: args.failed, named: args.script().is_some() };
+    let named = args.script();
+    let how = How { night: &args.night, only_failed: args.failed, script: named.as_ref() };
     carry_out(&script, &plan, &how, &global, log)
 }
 
@@ -47,12 +50,13 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
 struct How<'a> {
     night: &'a NightArgs,
     only_failed: bool,
-    /// Whether the command named its script, so that it can be given again.
-    named: bool,
+    /// The script as the command named it, if it did: the command can then be given again, and by others.
+    script: Option<&'a ScriptArgs>,
 }
 
 fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, log: &Log) -> Result<Exit, Failure> {
-    let How { night, only_failed, named } = *how;
+    let How { night, only_failed, script: script_of } = *how;
+    let named = script_of.is_some();
     if !global.quiet {
         load::show_doubts(plan);
     }
@@ -72,6 +76,9 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
     if named {
         store.write_env().map_err(Failure::usage)?;
     }
+    if let Some(script) = script_of {
+        freeze(&store, plan, script).map_err(Failure::usage)?;
+    }
     let todo = Todo::of(plan, &store);
     if todo.is_empty() && !global.quiet {
         talk(&todo.nothing(plan, store.folder()));
@@ -83,6 +90,9 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         smoke: !night.no_smoke,
         deadline,
         only: only_failed.then_some(failed),
+        paces: if todo.is_empty() { Paces::default() } else { archived_paces(&global.out) },
+        done: todo.done.clone(),
+        begin: None,
     };
     let Ended { night, exit, told } = render_night(script, plan, &store, global, log, &todo, options)?;
     // What a narrowed night left alone is there nonetheless, and belongs into tables and figures.
@@ -93,6 +103,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         say_failures(plan, &night);
     }
     say_disagreements(plan, &night);
+    say_control(plan, &night, global.quiet);
     if !global.quiet {
         say_where(&store, plan, &night);
     }
@@ -110,6 +121,7 @@ fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) ->
                 outcome: Outcome::Cached(run.folder),
                 rows: Arc::new(run.rows),
                 floors: run.floors,
+                open: run.open,
             });
         }
     }
@@ -120,16 +132,18 @@ fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) ->
 struct Todo {
     cells: usize,
     references: usize,
+    /// What is there.
+    done: BTreeSet<CellRef>,
 }
 
 impl Todo {
     fn of(plan: &Plan, history: &dyn History) -> Todo {
-        let open = |cell: CellRef| history.done(plan, cell).is_none();
         let rendered = |i: &usize| matches!(plan.references[*i].source, ReferenceSource::Render { .. });
-        Todo {
-            cells: (0..plan.cells.len()).filter(|i| open(CellRef::Cell(*i))).count(),
-            references: (0..plan.references.len()).filter(rendered).filter(|i| open(CellRef::Reference(*i))).count(),
-        }
+        let references: Vec<CellRef> = (0..plan.references.len()).filter(rendered).map(CellRef::Reference).collect();
+        let all = (0..plan.cells.len()).map(CellRef::Cell).chain(references.iter().copied());
+        let done: BTreeSet<CellRef> = all.filter(|cell| history.done(plan, *cell).is_some()).collect();
+        let finished = done.iter().filter(|cell| matches!(cell, CellRef::Reference(_))).count();
+        Todo { cells: plan.cells.len() + finished - done.len(), references: references.len() - finished, done }
     }
 
     fn is_empty(&self) -> bool {
@@ -195,7 +209,7 @@ fn render_night(
 }
 
 /// Who shows the night.
-enum Watcher {
+pub(super) enum Watcher {
     Dashboard(tui::Dashboard),
     Lines(Box<tui::LineSink>),
 }
@@ -203,7 +217,7 @@ enum Watcher {
 impl Watcher {
     /// The dashboard if standard output is a terminal that can show it and nobody minds; plain lines on stderr
     /// otherwise.
-    fn new(control: &Arc<Control>, global: &Global, log: &Log) -> Watcher {
+    pub(super) fn new(control: &Arc<Control>, global: &Global, log: &Log) -> Watcher {
         let env = |name: &str| std::env::var(name).ok();
         let whole_screen = tui::wanted(std::io::stdout().is_terminal(), &env) == tui::Mode::Dashboard;
         if whole_screen && !global.no_tui && !global.quiet {
@@ -226,7 +240,7 @@ impl Watcher {
         Watcher::Lines(Box::new(tui::LineSink::new(Box::new(std::io::stderr()), options)))
     }
 
-    fn sink(&mut self) -> &mut dyn Sink {
+    pub(super) fn sink(&mut self) -> &mut dyn Sink {
         match self {
             Watcher::Dashboard(dashboard) => dashboard,
             Watcher::Lines(lines) => lines.as_mut(),
@@ -247,7 +261,7 @@ fn importance(level: tracing::Level) -> Level {
 fn say_backends(plan: &Plan) {
     let rendered = plan.references.iter().filter_map(|r| match &r.source {
         ReferenceSource::Render { config, .. } => Some(&config.backend),
-        ReferenceSource::File(_) => None,
+        ReferenceSource::File { .. } => None,
     });
     let names: BTreeSet<&String> = plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
     let (auto, because) = render::automatic();
@@ -260,7 +274,7 @@ fn say_backends(plan: &Plan) {
 }
 
 /// Writes the summary, figures and tables of what is there, be it a whole night or part of one.
-fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
+pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
     for spec in &plan.tables {
@@ -274,21 +288,31 @@ fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<()
         }
     }
     for spec in &plan.figures {
-        for (stem, svg) in plot::figures(plan, spec, &night.results) {
-            write(&format!("figures/{stem}.svg"), svg.as_bytes())?;
-            let png = plot::rasterize(&svg).map_err(Failure::internal)?;
+        for figure in plot::figures(plan, spec, &night.results) {
+            let stem = &figure.stem;
+            write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
+            write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
+            let png = plot::rasterize(&figure.svg).map_err(Failure::internal)?;
             write(&format!("figures/{stem}.png"), &png)?;
         }
+    }
+    let repeats = summary::repeats_csv(plan, &night.results);
+    if !repeats.is_empty() {
+        write("repeats.csv", repeats.as_bytes())?;
+    }
+    let findings = control::check(plan, &night.results);
+    if !findings.is_empty() {
+        write("control.csv", summary::control_csv(&findings).as_bytes())?;
     }
     Ok(())
 }
 
-fn print_tables(plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
+pub(super) fn print_tables(plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
     let tables = plan.tables.iter().map(|spec| table::build(plan, spec, &night.results).to_markdown());
     data(&tables.collect::<Vec<_>>().join("\n"))
 }
 
-fn say_failures(plan: &Plan, night: &NightSummary) {
+pub(super) fn say_failures(plan: &Plan, night: &NightSummary) {
     for result in &night.results {
         if let Outcome::Failed(reason) = &result.outcome {
             let name = match result.cell {
@@ -301,10 +325,18 @@ fn say_failures(plan: &Plan, night: &NightSummary) {
 }
 
 /// Names the references that a second technique contradicts, also in quiet nights.
-fn say_disagreements(plan: &Plan, night: &NightSummary) {
+pub(super) fn say_disagreements(plan: &Plan, night: &NightSummary) {
     for found in &night.disagreements {
         let id = &plan.references[found.reference].id;
         talk(&format!("alarm: reference {id} {}; its folder has the map, and so exit code 6", found.found));
+    }
+}
+
+/// Says what the A/A check found; in quiet nights only what chance does not explain.
+fn say_control(plan: &Plan, night: &NightSummary, quiet: bool) {
+    for finding in control::check(plan, &night.results).iter().filter(|finding| finding.alarm || !quiet) {
+        let alarm = if finding.alarm { "alarm: " } else { "" };
+        talk(&format!("{alarm}control: {}", finding.describe()));
     }
 }
 
@@ -326,7 +358,7 @@ fn say_where(store: &Store, plan: &Plan, night: &NightSummary) {
     talk(&format!("all values {}", shown(&folder.join("summary.csv"))));
 }
 
-fn exit_of(plan: &Plan, night: &NightSummary, ended: Exit) -> Exit {
+pub(super) fn exit_of(plan: &Plan, night: &NightSummary, ended: Exit) -> Exit {
     let settled = |o: &Outcome| matches!(o, Outcome::Done(_) | Outcome::Cached(_));
     let settled_cells =
         night.results.iter().filter(|r| matches!(r.cell, CellRef::Cell(_)) && settled(&r.outcome)).count();

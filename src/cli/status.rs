@@ -6,6 +6,7 @@ use std::time::SystemTime;
 use serde_json::{Value as Json, json};
 
 use super::args::{Global, StatusArgs};
+use super::cluster::Roll;
 use super::exit::{Exit, Failure, data};
 use super::load::shown;
 use super::run::counted;
@@ -32,10 +33,16 @@ pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
     let now_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
     let silence_s = follower.news_at().and_then(|at| at.elapsed().ok()).map(|d| d.as_secs_f64());
     let night = Night { model: &model, now_s, silence_s, folder: shown(follower.folder()) };
+    let roll = Roll::call(follower.folder());
     if args.json {
-        data(&format!("{:#}\n", night.json()))?;
+        let mut json = night.json();
+        if !roll.is_empty() {
+            json["cluster"] = roll.json();
+        }
+        data(&format!("{json:#}\n"))?;
     } else {
-        data(&night.page())?;
+        let crew = if roll.is_empty() { String::new() } else { roll.page() };
+        data(&(night.page() + &crew))?;
     }
     Ok(Exit::Done)
 }

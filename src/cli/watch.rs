@@ -11,9 +11,10 @@ use super::load::{decode, shown};
 use super::log::Log;
 use super::{signals, status};
 use crate::experiment::Control;
-use crate::store::{Follower, Seen, Sight, latest};
+use crate::store::{Doing, Follower, Seen, Sight, Worker, latest};
 use crate::tui::model::Model;
 use crate::tui::thumbs::Thumb;
+use crate::tui::workers::WorkerLine;
 use crate::tui::{self, Dashboard, Role};
 
 /// How often files are looked at.
@@ -56,14 +57,17 @@ pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failur
 
 /// Follows what was asked for: an experiment's folder, or the latest of a folder of results.
 pub(super) fn follow(folder: Option<&Path>, global: &Global) -> Result<Follower, Failure> {
+    Follower::open(&home_of(folder, global)?, decode).map_err(Failure::usage)
+}
+
+/// The folder that was asked for.
+pub(super) fn home_of(folder: Option<&Path>, global: &Global) -> Result<PathBuf, Failure> {
     let given = folder.unwrap_or(&global.out);
-    let folder: PathBuf = if given.join("plan.json").is_file() {
-        given.to_owned()
-    } else {
-        let missing = || format!("there is no night in {} (`lumbre ls` lists what is there)", shown(given));
-        latest(given).or_else(|| only_one(given)).ok_or_else(missing).map_err(Failure::usage)?
-    };
-    Follower::open(&folder, decode).map_err(Failure::usage)
+    if given.join("plan.json").is_file() {
+        return Ok(given.to_owned());
+    }
+    let missing = || format!("there is no night in {} (`lumbre ls` lists what is there)", shown(given));
+    latest(given).or_else(|| only_one(given)).ok_or_else(missing).map_err(Failure::usage)
 }
 
 /// The one experiment of a folder that has no `latest`, such as a copy.
@@ -90,11 +94,35 @@ pub(super) fn tell(model: &mut Model, Sight { at_s, seen }: Sight) {
                 model.configured(cell, Arc::new(*config));
             }
         }
+        Seen::Underway { cell } => model.underway(cell, at_s),
+        Seen::Crew(workers) => model.crew(crew_lines(&workers)),
         Seen::Measured { cell, row } => model.wave(cell, &row, 0.0, at_s),
         Seen::Pictured { cell, image } => model.picture(cell, image),
         Seen::Strategy { cell, s, t, weighted, image } => model.strategy(cell, Thumb::of(s, t, weighted, &image)),
         Seen::Ended { cell, outcome, last } => model.finish(cell, &outcome, last.as_ref(), at_s),
         Seen::Said { level, cell, text } => model.say(level, cell, &text, at_s),
+        Seen::Foretold(left) => model.foretold(left, at_s),
         Seen::Over => model.end(at_s),
+    }
+}
+
+/// The workers that have not left, as lines of the screen.
+fn crew_lines(workers: &[Worker]) -> Vec<WorkerLine> {
+    let line = |worker: &Worker| WorkerLine {
+        node: if worker.job.is_empty() { worker.host.clone() } else { format!("{} {}", worker.host, worker.job) },
+        device: worker.device.model.clone(),
+        doing: doing(worker),
+        age_s: worker.age_s,
+        lost: worker.is_lost(),
+    };
+    workers.iter().filter(|worker| !matches!(worker.doing, Doing::Left(_))).map(line).collect()
+}
+
+/// What a worker does, in words.
+pub(super) fn doing(worker: &Worker) -> String {
+    match &worker.doing {
+        Doing::Waiting => "waits".to_owned(),
+        Doing::Rendering { path, .. } => path.clone(),
+        Doing::Left(reason) => format!("left: {reason}"),
     }
 }

@@ -6,9 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::agree::Agreement;
 use super::floors::{Floors, HalfImages};
+use super::forecast::Forecast;
 use super::plan::Plan;
-use super::standing::{Checkpoint, Claim, Standing};
+use super::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::OpenStats;
 
@@ -30,7 +32,7 @@ pub struct WaveRow {
     pub samples: u64,
     /// Seconds inside the renderer so far.
     pub render_s: f64,
-    /// Seconds since the cell started, everything included.
+    /// Seconds that the cell has taken, everything included; while it takes turns with others, its own turns alone.
     pub wall_s: f64,
     /// Seconds spent measuring so far, which are no part of `render_s`.
     pub measure_s: f64,
@@ -144,9 +146,14 @@ pub enum Event {
         film: Option<Arc<Film>>,
         /// The images of the layers that it was asked for; empty unless it is done.
         layers: Arc<Vec<LayerImage>>,
+        /// Its light by time, if it was asked for; none unless it is done.
+        times: Option<Arc<TimeCube>>,
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,
     },
+    /// What is left of the night was reckoned anew: told before the first run, and now and then between runs. No run is
+    /// in progress then.
+    Forecast(Forecast),
     /// A line for people.
     Message {
         /// Importance.
@@ -158,6 +165,22 @@ pub enum Event {
     },
     /// The night is over.
     NightFinished,
+}
+
+impl Event {
+    /// The cell or reference that it is about, if it is about one.
+    pub fn cell(&self) -> Option<CellRef> {
+        match self {
+            Event::CellStarted { cell, .. } | Event::Wave { cell, .. } | Event::CellFinished { cell, .. } => {
+                Some(*cell)
+            }
+            Event::Floors { reference, .. } | Event::Agreement { reference, .. } | Event::Halves { reference, .. } => {
+                Some(CellRef::Reference(*reference))
+            }
+            Event::Message { cell, .. } => *cell,
+            Event::NightStarted { .. } | Event::Forecast(_) | Event::NightFinished => None,
+        }
+    }
 }
 
 /// Why a listener could not do its part.
@@ -183,6 +206,12 @@ pub type Save<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
 pub trait History {
     /// The folder and final measurements of a finished run with this identity.
     fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
+
+    /// What other workers say that they have made of a run, where that is enough: one of many does not read what
+    /// thousands of runs came to.
+    fn settled(&self, _plan: &Plan, _cell: CellRef) -> Option<Settled> {
+        None
+    }
 
     /// The image of a finished reference, or of an image file that a script named.
     ///
@@ -228,6 +257,26 @@ pub trait History {
         None
     }
 
+    /// The sums of the longest finished reference of which this one is a continuation: it has the same stem, and at most
+    /// so many samples per pixel.
+    fn beginning(&self, _plan: &Plan, _reference: usize, _most: u64) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Keeps the sums of a finished reference, from which longer ones with its stem go on, and says whether it did.
+    ///
+    /// # Errors
+    /// When they could not be written; what was kept before is still there.
+    fn keep_sums(
+        &self,
+        _plan: &Plan,
+        _reference: usize,
+        _standing: &Standing,
+        _save: Save<'_>,
+    ) -> Result<bool, SinkError> {
+        Ok(false)
+    }
+
     /// Keeps a checkpoint of a run that is claimed, and says whether it did.
     ///
     /// # Errors
@@ -246,6 +295,8 @@ pub struct FinishedRun {
     pub rows: Vec<WaveRow>,
     /// The noise floors of what it was measured against, if they were known.
     pub floors: Floors,
+    /// What opening it cost.
+    pub open: OpenStats,
 }
 
 /// A limit at which the night pauses by itself, for someone who wants to look. It is no stop rule: those decide what a

@@ -99,6 +99,8 @@ pub struct Run {
     pub films: Vec<String>,
     /// Seconds spent building acceleration structures, and their nodes.
     pub accel: Option<(f64, u64)>,
+    /// Their bytes and cost by the surface area heuristic, where the run says them.
+    pub accel_size: Option<(u64, f64)>,
     /// What the true picture would measure against its reference because of the reference's own noise, by column; empty
     /// if unknown.
     pub floors: Vec<(String, f64)>,

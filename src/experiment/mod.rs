@@ -4,9 +4,12 @@
 //! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
 
 pub mod agree;
+pub mod control;
 pub mod event;
 pub mod evidence;
 pub mod floors;
+pub mod forecast;
+pub mod groups;
 pub mod outline;
 pub mod plan;
 pub mod run;

@@ -112,7 +112,7 @@ impl Outline {
                 scene: Some(Arc::clone(scene)),
                 until: Some(Until::of(stop)),
             },
-            ReferenceSource::File(file) => ReferenceOutline { file: Some(file.clone()), ..Default::default() },
+            ReferenceSource::File { file, .. } => ReferenceOutline { file: Some(file.clone()), ..Default::default() },
         });
         Outline {
             name: plan.name.clone(),

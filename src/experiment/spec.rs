@@ -7,7 +7,9 @@ use super::event::WaveRow;
 use super::stop::StopRule;
 use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
+use crate::render::hierarchy::AccelSpec;
 use crate::transport::camera::FilterSpec;
+use crate::transport::flight::Timing;
 use crate::value::Value;
 use crate::value::schema::duration_s;
 
@@ -37,6 +39,8 @@ pub struct Spec {
     pub measure: Measure,
     /// How its nights go.
     pub night: NightSpec,
+    /// Whether some cells are rendered twice, to compare a technique with itself: see [`super::control`].
+    pub control: bool,
     /// Convergence figures.
     pub figures: Vec<FigureSpec>,
     /// Tables.
@@ -60,6 +64,59 @@ pub struct NightSpec {
     pub checkpoint_s: Option<f64>,
     /// When a night ends, finished or not.
     pub deadline: Option<Deadline>,
+    /// The order of the cells.
+    pub order: Order,
+    /// What every cell renders before its clock starts.
+    pub warmup: Option<Warmup>,
+}
+
+/// The order in which the cells of a night are rendered. What drifts while a night lasts, such as the speed of a machine
+/// that grows warm, falls on other cells in another order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// That of the plan.
+    #[default]
+    Sequential,
+    /// One that the experiment's seed decides, the same in every launch.
+    Shuffled,
+    /// Techniques of the same picture take turns: see [`Plan::heats`](super::Plan::heats).
+    Interleave,
+}
+
+impl Order {
+    /// The words of scripts.
+    pub const NAMES: [&'static str; 3] = ["sequential", "shuffled", "interleave"];
+
+    /// Its word.
+    pub fn name(self) -> &'static str {
+        Order::NAMES[self as usize]
+    }
+
+    /// The order that a word means.
+    pub fn from_name(name: &str) -> Option<Order> {
+        [Order::Sequential, Order::Shuffled, Order::Interleave].into_iter().find(|order| order.name() == name)
+    }
+}
+
+/// Rendering with other random numbers that comes before a cell's clock and is thrown away, so that what a device does
+/// only at first (to clock up, to fill its caches) counts for nobody.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Warmup {
+    /// Seconds inside the renderer.
+    Time(f64),
+    /// Samples per pixel.
+    Samples(u64),
+}
+
+impl Warmup {
+    /// The warm-up in words.
+    pub fn describe(self) -> String {
+        match self {
+            Warmup::Time(seconds) => format!("{seconds} s of rendering"),
+            Warmup::Samples(1) => "1 sample per pixel".to_owned(),
+            Warmup::Samples(n) => format!("{n} samples per pixel"),
+        }
+    }
 }
 
 /// When a night ends.
@@ -153,6 +210,16 @@ pub enum TableValue {
     RenderS,
     /// Million camera paths per second of render time.
     MpathsPerS,
+    /// Million rays per second of render time.
+    MraysPerS,
+    /// Seconds spent building the hierarchy.
+    AccelBuildS,
+    /// Nodes of the hierarchy.
+    AccelNodes,
+    /// Mebibytes of the hierarchy and the primitives in it.
+    AccelMib,
+    /// What a ray through the scene's box costs by the surface area heuristic.
+    AccelCost,
     /// Render seconds until a metric column first reached a threshold.
     TimeTo {
         /// The column.
@@ -209,12 +276,18 @@ pub struct CellConfig {
     pub filter: FilterSpec,
     /// Layers that are kept beside the picture, in the order of [`LAYERS`](crate::film::layer::LAYERS), each once.
     pub films: Vec<Layer>,
+    /// The time axis of its film.
+    pub timing: Option<Timing>,
     /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
     pub sampler: String,
+    /// How the hierarchy is built through which rays are traced.
+    pub accel: AccelSpec,
     /// Changes to the scene by path, `camera` ones included.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.
     pub backend: String,
+    /// The backend that renders it where that one fails: there is one if the script has left the choice to the program.
+    pub fallback: Option<&'static str>,
 }
 
 /// What a cell is measured against.
@@ -230,7 +303,12 @@ pub enum ReferenceRequest {
         agree: Option<Box<AgreeRequest>>,
     },
     /// An EXR file made elsewhere.
-    File(PathBuf),
+    File {
+        /// The file.
+        file: PathBuf,
+        /// Who made it and how, in the script's words; empty if it does not say.
+        source: String,
+    },
 }
 
 /// A picture that a reference is compared with, so that a mistake of its integrator is found out.
@@ -274,6 +352,15 @@ pub trait ScriptHooks {
     /// # Errors
     /// When the script's function fails or its rule is wrong.
     fn stop(&self, point: &Point) -> Result<StopRule, HookError>;
+
+    /// Whether the cells of this point are rendered twice for the A/A check, where a script with one says so; `None` is
+    /// the first technique of every picture.
+    ///
+    /// # Errors
+    /// When the script's function fails or returns something other than true, false or nil.
+    fn control(&self, _point: &Point) -> Result<Option<bool>, HookError> {
+        Ok(None)
+    }
 
     /// Whether predicate `id` (see [`StopRule::Predicate`]) says stop, given the columns of `rows` (oldest first).
     ///

@@ -75,4 +75,15 @@ pub enum Claim {
     Ours,
     /// Another one; the text says which.
     Theirs(String),
+    /// None here, whatever happens: it is for another kind of worker, as the text says.
+    Never(String),
+}
+
+/// What another worker made of a run, as it says; what the run's own files say counts more.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Settled {
+    /// It is done, in this folder.
+    Done(std::path::PathBuf),
+    /// It failed, for this reason.
+    Failed(String),
 }

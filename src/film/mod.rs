@@ -5,6 +5,7 @@
 pub mod layer;
 pub mod splat;
 pub mod state;
+pub mod time;
 
 use std::sync::Arc;
 

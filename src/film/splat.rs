@@ -28,6 +28,27 @@ const STRIPE: usize = 256;
 /// Splats that a [`SplatBuffer`] holds before it asks to be emptied: 1 MiB.
 const BUFFERED: usize = 1 << 16;
 
+/// So many splats before it is needed, a pixel's sums are fetched: about as long as memory takes.
+const AHEAD: usize = 8;
+
+/// Asks for what will be needed soon.
+#[inline]
+#[cfg_attr(target_arch = "x86_64", expect(unsafe_code, reason = "a hint to the processor that takes an address"))]
+fn prefetch(wide: &Wide) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let start = std::ptr::from_ref(wide).cast::<i8>();
+        // SAFETY: both addresses lie in what is borrowed, and nothing is read.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(start);
+            _mm_prefetch::<_MM_HINT_T0>(start.add(size_of::<Wide>() - 1));
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = wide;
+}
+
 /// Mantissa and exponent of a finite number's absolute value: `m 2^e`.
 #[inline]
 fn parts(v: f32) -> (u64, i32) {
@@ -137,17 +158,18 @@ fn fits(value: [f32; 3]) -> bool {
     value.iter().all(|v| v.abs() <= MAX_SPLAT)
 }
 
-/// Splats and their squares, `[y][x][rgb]`: what joins the sums of a [`Film`](super::Film).
+/// Splats and their squares, `[y][x][rgb]`: what joins the sums of a [`Film`](super::Film). A stripe on which nothing has
+/// landed takes no memory.
 #[derive(Debug)]
 pub struct SplatSums {
     stripes: Vec<Mutex<Vec<Wide>>>,
+    pixels: usize,
 }
 
 impl SplatSums {
     /// Sums of nothing for so many pixels, 96 bytes each.
     pub fn new(pixels: usize) -> SplatSums {
-        let stripe = |i: usize| Mutex::new(vec![Wide::default(); STRIPE.min(pixels - i * STRIPE)]);
-        SplatSums { stripes: (0..pixels.div_ceil(STRIPE)).map(stripe).collect() }
+        SplatSums { stripes: (0..pixels.div_ceil(STRIPE)).map(|_| Mutex::default()).collect(), pixels }
     }
 
     /// A stripe's sums. A thread that died has left every one of them as good as any.
@@ -155,15 +177,33 @@ impl SplatSums {
         self.stripes[index].lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// A stripe's sums, all of them there.
+    fn open(&self, index: usize) -> MutexGuard<'_, Vec<Wide>> {
+        let mut stripe = self.stripe(index);
+        if stripe.is_empty() {
+            stripe.resize(STRIPE.min(self.pixels - index * STRIPE), Wide::default());
+        }
+        stripe
+    }
+
     /// Adds a splat to a pixel, from any thread. Returns whether it can be counted, and is: not finite, or beyond
     /// [`MAX_SPLAT`], it is not, and without room for its square the variance of this pixel is worthless.
     #[must_use]
     pub fn add(&self, pixel: usize, value: [f32; 3]) -> bool {
-        fits(value) && self.stripe(pixel / STRIPE)[pixel % STRIPE].add(value)
+        fits(value) && self.open(pixel / STRIPE)[pixel % STRIPE].add(value)
     }
 
     fn at(&self, pixel: usize) -> Wide {
-        self.stripe(pixel / STRIPE)[pixel % STRIPE]
+        self.stripe(pixel / STRIPE).get(pixel % STRIPE).copied().unwrap_or_default()
+    }
+
+    /// The sums and sums of squares of all pixels on whose stripe anything has landed, in their order.
+    pub fn each(&self, mut visit: impl FnMut(usize, [f64; 3], [f64; 3])) {
+        for i in 0..self.stripes.len() {
+            for (k, wide) in self.stripe(i).iter().enumerate() {
+                visit(i * STRIPE + k, wide.sums(), wide.squares());
+            }
+        }
     }
 
     /// The sum of a pixel.
@@ -176,16 +216,17 @@ impl SplatSums {
         self.at(pixel).squares()
     }
 
-    /// Writes the sums, if there are any.
+    /// Writes the sums, if there are any; of a stripe without any one word.
     ///
     /// # Errors
     /// As `to`.
     pub fn save(splats: Option<&SplatSums>, to: &mut dyn Write) -> io::Result<()> {
         let Some(splats) = splats else { return write_words(to, [0]) };
-        let stripes = 0..splats.stripes.len();
-        let pixels: usize = stripes.clone().map(|i| splats.stripe(i).len()).sum();
-        write_words(to, [pixels as u64])?;
-        stripes.into_iter().try_for_each(|i| write_words(to, splats.stripe(i).iter().flat_map(Wide::words)))
+        write_words(to, [splats.pixels as u64])?;
+        (0..splats.stripes.len()).try_for_each(|i| {
+            let stripe = splats.stripe(i);
+            write_words(to, [stripe.len() as u64].into_iter().chain(stripe.iter().flat_map(Wide::words)))
+        })
     }
 
     /// The sums that were written, if there were any, of so many pixels.
@@ -197,8 +238,19 @@ impl SplatSums {
             0 => Ok(None),
             saved if saved == pixels as u64 => {
                 let splats = SplatSums::new(pixels);
-                for pixel in 0..pixels {
-                    splats.stripe(pixel / STRIPE)[pixel % STRIPE] = Wide::of_words(from)?;
+                for i in 0..splats.stripes.len() {
+                    match from.word()? {
+                        0 => {}
+                        n => {
+                            let mut stripe = splats.open(i);
+                            if n != stripe.len() as u64 {
+                                return Err(Misfit);
+                            }
+                            for wide in stripe.iter_mut() {
+                                *wide = Wide::of_words(from)?;
+                            }
+                        }
+                    }
                 }
                 Ok(Some(splats))
             }
@@ -265,8 +317,11 @@ impl SplatBuffer {
         }
         let mut without_room = 0;
         for group in self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE) {
-            let mut stripe = sums.stripe(group[0].0 as usize / STRIPE);
-            for (pixel, value) in group {
+            let mut stripe = sums.open(group[0].0 as usize / STRIPE);
+            for (i, (pixel, value)) in group.iter().enumerate() {
+                if let Some((later, _)) = group.get(i + AHEAD) {
+                    prefetch(&stripe[*later as usize % STRIPE]);
+                }
                 without_room += u64::from(!stripe[*pixel as usize % STRIPE].add(*value));
             }
         }
@@ -385,7 +440,7 @@ mod tests {
     #[test]
     fn a_buffer_says_how_many_found_no_room() {
         let splats = SplatSums::new(1);
-        splats.stripe(0)[0].square = [u128::MAX; 3];
+        splats.open(0)[0].square = [u128::MAX; 3];
         let mut buffer = SplatBuffer::default();
         assert!(buffer.push(0, [1.0; 3]) && buffer.push(0, [0.0; 3]));
         assert_eq!(buffer.flush(&splats), 1);

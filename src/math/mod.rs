@@ -2,7 +2,9 @@
 
 pub mod discovery;
 pub mod distribution;
+pub mod elementary;
 pub mod frame;
+pub mod piecewise;
 pub mod rng;
 pub mod stats;
 pub mod student;

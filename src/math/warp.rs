@@ -4,6 +4,8 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
+use super::elementary;
+
 /// A point of the unit disk, area-preserving and nearly conformal [Shirley & Chiu 1997].
 #[inline]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
@@ -12,10 +14,11 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
     if a == 0.0 && b == 0.0 {
         return Vec2::ZERO;
     }
-    let (r, phi) =
-        if a.abs() > b.abs() { (a, FRAC_PI_4 * (b / a)) } else { (b, 2.0 * FRAC_PI_4 - FRAC_PI_4 * (a / b)) };
-    let (sin, cos) = phi.sin_cos();
-    Vec2::new(r * cos, r * sin)
+    // About the axis that is nearer, so that the angle is at most an eighth of a turn.
+    let about_x = a.abs() > b.abs();
+    let (r, across) = if about_x { (a, b) } else { (b, a) };
+    let (sin, cos) = elementary::sin_cos_small(FRAC_PI_4 * (across / r));
+    if about_x { Vec2::new(r * cos, r * sin) } else { Vec2::new(r * sin, r * cos) }
 }
 
 /// A direction of the upper hemisphere with density `cos / pi` per solid angle (Malley's method).
@@ -36,7 +39,7 @@ pub fn cosine_hemisphere_pdf_w(cos_theta: f32) -> f32 {
 pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u[0];
     let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = (TAU * u[1]).sin_cos();
+    let (sin, cos) = elementary::sin_cos(TAU * u[1]);
     Vec3::new(r * cos, r * sin, z)
 }
 

@@ -73,6 +73,21 @@ pub struct MetricSpec {
     pub options: BTreeMap<String, Value>,
 }
 
+impl MetricSpec {
+    /// A value of it as a number that falls to zero as pictures become alike: what is left to the best value, of decibels
+    /// the ratio that they stand for, of values with a sign their size. `None` where there is no such number.
+    pub fn distance(&self, value: f64) -> Option<f64> {
+        let distance = match self.row.better {
+            Better::Lower => value - self.row.perfect,
+            Better::NearZero => value.abs(),
+            Better::Higher if self.row.unit == "dB" => 10f64.powf(-value / 20.0),
+            Better::Higher if self.row.perfect.is_finite() => self.row.perfect - value,
+            Better::Higher => return None,
+        };
+        (!distance.is_nan()).then_some(distance)
+    }
+}
+
 /// One row of [`METRICS`].
 pub struct MetricRow {
     /// The short name in scripts and columns.

@@ -11,6 +11,7 @@ use crate::experiment::spec::{CellConfig, Measure, Snapshots};
 use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
+use crate::render::OpenStats;
 use crate::scene::SceneDesc;
 use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -66,6 +67,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         path: format!("{}/rep={repeat}", path.join("/")),
         point,
         repeat,
+        control: None,
         seed: 100 + index as u64,
         config: Arc::new(CellConfig {
             scene_options: BTreeMap::new(),
@@ -78,9 +80,12 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             films: Vec::new(),
+            accel: Default::default(),
+            timing: None,
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),
+            fallback: None,
         }),
         scene: Arc::new(SceneDesc {
             views: Vec::new(),
@@ -117,12 +122,25 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
         outcome: Outcome::Done("64 samples".to_owned()),
         rows: Arc::new(rows.collect()),
         floors: Arc::default(),
+        open: OpenStats {
+            accel_build_s: 0.25,
+            accel_nodes: 100,
+            accel_bytes: 3 << 20,
+            accel_cost: 12.5,
+            ..OpenStats::default()
+        },
     }
 }
 
 /// A result with another outcome and no measurements.
 pub fn ended(cell: usize, outcome: Outcome) -> CellResult {
-    CellResult { cell: CellRef::Cell(cell), outcome, rows: Arc::default(), floors: Arc::default() }
+    CellResult {
+        cell: CellRef::Cell(cell),
+        outcome,
+        rows: Arc::default(),
+        floors: Arc::default(),
+        open: OpenStats::default(),
+    }
 }
 
 /// Text values.

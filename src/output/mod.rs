@@ -13,6 +13,7 @@ pub mod png;
 pub mod report;
 pub mod summary;
 pub mod table;
+pub mod time;
 
 #[cfg(test)]
 mod fixture;

@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::labels::{csv_line, exact};
+use crate::experiment::control::Finding;
 use crate::experiment::floors::net_columns;
 use crate::experiment::plan::Plan;
-use crate::experiment::{CellRef, CellResult, Outcome};
+use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
+use crate::math::student::mean_and_interval;
 
 const BEFORE: [&str; 2] = ["cell", "run"];
 const AFTER: [&str; 8] =
@@ -13,7 +15,8 @@ const AFTER: [&str; 8] =
 
 /// The text of `summary.csv`, cells in the order of the plan.
 ///
-/// Columns: `cell` (index from 0), `run` (identity), one for each axis, `repeat` (from 0), `status` (`done`, `cached`,
+/// Columns: `cell` (index from 0), `run` (identity), one for each axis, `repeat` (from 0), with an A/A check `control_of`
+/// (the repeat whose double it is, empty for results), `status` (`done`, `cached`,
 /// `failed`, `interrupted`, `not reached`), `reason`, the last wave's `samples_per_pixel`, `render_s`, `wall_s`,
 /// `mpaths_per_s` and `invalid_samples`, then one for each metric by its column name, and at last, where the noise of a
 /// reference is known, `<column>_floor` (what the true picture would have) and `<column>_net` (the value without the
@@ -41,7 +44,11 @@ pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
             let value = cell.point.iter().find(|(name, _)| name == axis);
             value.map(|(_, v)| v.to_string()).unwrap_or_default()
         }));
-        fields.extend([cell.repeat.to_string(), status.to_owned(), reason]);
+        fields.push(cell.repeat.to_string());
+        if controlled(plan) {
+            fields.push(cell.control.map(|r| r.to_string()).unwrap_or_default());
+        }
+        fields.extend([status.to_owned(), reason]);
         let metrics = plan.measure.metrics.len();
         match result.and_then(|r| r.rows.last()) {
             Some(row) => {
@@ -62,11 +69,20 @@ pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
     text
 }
 
+/// Whether any cell is a double of the A/A check.
+fn controlled(plan: &Plan) -> bool {
+    plan.cells.iter().any(|cell| cell.control.is_some())
+}
+
 fn header(plan: &Plan, floored: &[usize], net: &[usize]) -> Vec<String> {
     let mut header: Vec<String> = BEFORE.map(str::to_owned).to_vec();
     let taken = |name: &String| BEFORE.contains(&name.as_str()) || AFTER.contains(&name.as_str());
     header.extend(plan.axes.iter().map(|a| if taken(a) { format!("axis.{a}") } else { a.clone() }));
     header.extend(AFTER.map(str::to_owned));
+    if controlled(plan) {
+        let status = header.iter().position(|name| name == "status").unwrap_or(header.len());
+        header.insert(status, "control_of".to_owned());
+    }
     for metric in &plan.measure.metrics {
         let column = &metric.column;
         let name = if header.contains(column) { format!("metric.{column}") } else { column.clone() };
@@ -79,6 +95,79 @@ fn header(plan: &Plan, floored: &[usize], net: &[usize]) -> Vec<String> {
         }
     }
     header
+}
+
+/// The text of `repeats.csv`, empty where nothing was repeated: for each point of the sweep the mean over its finished
+/// repeats of samples per pixel, render time, speed, and of every metric at the end, each with the two ends of the 95 %
+/// confidence interval of that mean by Student's t (`<column>_low`, `<column>_high`; empty for a single run).
+pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
+    let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
+    let settled = |index: usize| {
+        let result = by_cell.get(&CellRef::Cell(index))?;
+        matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_)).then(|| result.rows.last()).flatten()
+    };
+    let mut points: Vec<(&Point, Vec<&WaveRow>)> = Vec::new();
+    for (index, cell) in plan.cells.iter().enumerate().filter(|(_, cell)| cell.control.is_none()) {
+        if points.last().is_none_or(|(point, _)| **point != cell.point) {
+            points.push((&cell.point, Vec::new()));
+        }
+        if let (Some(row), Some((_, rows))) = (settled(index), points.last_mut()) {
+            rows.push(row);
+        }
+    }
+    if points.iter().all(|(_, rows)| rows.len() < 2) {
+        return String::new();
+    }
+    let mut header: Vec<String> = plan.axes.clone();
+    header.push("runs".to_owned());
+    let columns = ["samples_per_pixel", "render_s", "mpaths_per_s"].map(str::to_owned);
+    for column in columns.into_iter().chain(plan.columns()) {
+        header.extend(["", "_low", "_high"].map(|end| format!("{column}{end}")));
+    }
+    let mut text = csv_line(&header);
+    for (point, rows) in &points {
+        let mut fields: Vec<String> = point.iter().map(|(_, value)| value.to_string()).collect();
+        fields.push(rows.len().to_string());
+        let numbers = |row: &&WaveRow| [row.samples as f64, row.render_s, row.mpaths_per_s()];
+        let own = (0..3).map(|i| rows.iter().map(|row| numbers(row)[i]).collect::<Vec<f64>>());
+        let metrics = (0..plan.measure.metrics.len())
+            .map(|i| rows.iter().filter_map(|row| row.metrics.get(i).copied()).collect::<Vec<f64>>());
+        for values in own.chain(metrics) {
+            fields.extend(ends(&values));
+        }
+        text += &csv_line(&fields);
+    }
+    text
+}
+
+/// The mean of values, and the two ends of its 95 % confidence interval.
+fn ends(values: &[f64]) -> [String; 3] {
+    if values.is_empty() {
+        return Default::default();
+    }
+    let (mean, half) = mean_and_interval(values);
+    let end = |sign: f64| half.map(|half| exact(mean + sign * half)).unwrap_or_default();
+    [exact(mean), end(-1.0), end(1.0)]
+}
+
+/// The text of `control.csv`: a line for each finding of the A/A check, as [`Finding`] has them.
+pub fn control_csv(findings: &[Finding]) -> String {
+    let mut text = csv_line(&["technique", "measure", "pairs", "ratio", "low", "high", "p", "single_pair", "alarm"]);
+    for finding in findings {
+        let optional = |x: Option<f64>| x.map(exact).unwrap_or_default();
+        text += &csv_line(&[
+            finding.technique.clone(),
+            finding.measure.clone(),
+            finding.pairs.to_string(),
+            exact(finding.ratio),
+            optional(finding.interval.map(|i| i[0])),
+            optional(finding.interval.map(|i| i[1])),
+            optional(finding.p),
+            optional(finding.single),
+            finding.alarm.to_string(),
+        ]);
+    }
+    text
 }
 
 #[cfg(test)]
@@ -105,6 +194,30 @@ mod tests {
              2,run02,c,2,0,failed,\"device said \"\"no\"\"\",1,0.5,0.75,4,0,nan,nan,nan\n\
              3,run03,c,5,0,not reached,,,,,,,,,\n"
         );
+    }
+
+    #[test]
+    fn repeats_have_their_mean_and_interval() {
+        let mut plan = fixture::plan(&[("depth", fixture::numbers(&[2.0, 5.0]))], 3);
+        plan.measure.metrics.truncate(1);
+        let results: Vec<_> =
+            [1.0, 2.0, 3.0, 0.5].iter().enumerate().map(|(i, e)| fixture::done(i, &[(1.0, *e)])).collect();
+        let text = repeats_csv(&plan, &results);
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        assert_eq!(
+            lines[0][..5],
+            ["depth", "runs", "samples_per_pixel", "samples_per_pixel_low", "samples_per_pixel_high"]
+        );
+        assert_eq!(lines[0][11..], ["rmse", "rmse_low", "rmse_high"]);
+        let half = 4.302_652_73 / 3f64.sqrt();
+        let [mean, low, high] = [11, 12, 13].map(|i: usize| lines[1][i].parse::<f64>().unwrap());
+        assert!(mean == 2.0 && (low - 2.0 + half).abs() < 1e-6 && (high - 2.0 - half).abs() < 1e-6);
+        assert_eq!(lines[2][11..], ["0.5", "", ""], "one run has no interval");
+        assert_eq!(repeats_csv(&plan, &results[..1]), "", "nothing is repeated");
+        plan.cells[1].control = Some(0);
+        assert_eq!(repeats_csv(&plan, &results).lines().nth(1).unwrap()[..4], *"2,2,");
+        assert!(csv(&plan, &results).starts_with("cell,run,depth,repeat,control_of,status,"));
+        assert!(csv(&plan, &results).lines().nth(2).unwrap().starts_with("1,run01,2,1,0,done,"));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::labels::{self, csv_line, exact, significant};
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{TableSpec, TableValue};
 use crate::experiment::{CellRef, CellResult, Outcome, WaveRow};
+use crate::math::student::mean_and_interval;
 use crate::metrics::{Better, MetricSpec};
 
 /// Longest line of a Markdown caption in characters.
@@ -42,6 +43,9 @@ pub struct TableCell {
     pub entry: Entry,
     /// Finished runs that were averaged.
     pub runs: usize,
+    /// Half the width of the 95 % confidence interval of the mean, by Student's t, where the runs are repeats of one
+    /// another: of runs that differ in more, a mean has no such meaning.
+    pub half: Option<f64>,
 }
 
 /// What stands in a cell of a table.
@@ -75,21 +79,25 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
     };
     let (row_keys, col_keys) = (distinct(&spec.rows), distinct(&spec.cols));
 
-    let mut samples: BTreeMap<(Vec<String>, Vec<String>), Vec<Sample>> = BTreeMap::new();
+    let mut samples: BTreeMap<(Vec<String>, Vec<String>), Vec<(usize, Sample)>> = BTreeMap::new();
     let mut finished = 0;
     for result in results {
         let CellRef::Cell(cell) = result.cell else { continue };
-        if cell >= plan.cells.len() || !matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_)) {
+        if plan.cells.get(cell).is_none_or(|c| c.control.is_some())
+            || !matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
+        {
             continue;
         }
         finished += 1;
-        if let Some(sample) = sample(plan, &spec.value, &result.rows) {
-            samples.entry((keys(&spec.rows, cell), keys(&spec.cols, cell))).or_default().push(sample);
+        if let Some(sample) = sample(plan, &spec.value, result) {
+            samples.entry((keys(&spec.rows, cell), keys(&spec.cols, cell))).or_default().push((cell, sample));
         }
     }
 
+    let wanted = plan.cells.iter().filter(|cell| cell.control.is_none()).count();
     let row = |labels: &Vec<String>| {
-        let cell = |col: &Vec<String>| average(samples.get(&(labels.clone(), col.clone())).map_or(&[], Vec::as_slice));
+        let cell =
+            |col: &Vec<String>| average(plan, samples.get(&(labels.clone(), col.clone())).map_or(&[], Vec::as_slice));
         TableRow { labels: labels.clone(), cells: col_keys.iter().map(cell).collect() }
     };
     let rows: Vec<TableRow> = row_keys.iter().map(row).collect();
@@ -99,7 +107,7 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
     };
     TableData {
         name: spec.name.clone(),
-        caption: caption(plan, spec, &rows, plan.cells.len().saturating_sub(finished)),
+        caption: caption(plan, spec, &rows, wanted.saturating_sub(finished)),
         row_axes: spec.rows.clone(),
         columns: col_keys.iter().map(column).collect(),
         rows,
@@ -107,13 +115,21 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
 }
 
 /// What one finished run contributes, if it has the value at all.
-fn sample(plan: &Plan, value: &TableValue, rows: &[WaveRow]) -> Option<Sample> {
+fn sample(plan: &Plan, value: &TableValue, result: &CellResult) -> Option<Sample> {
+    let (rows, open) = (&result.rows, &result.open);
     let last = rows.last()?;
+    let known = |x: f64| (x > 0.0).then_some(x);
     Some(match value {
         TableValue::Metric(name) => Sample::Value(*last.metrics.get(labels::column(plan, name)?.0)?),
         TableValue::Samples => Sample::Value(last.samples as f64),
         TableValue::RenderS => Sample::Value(last.render_s),
         TableValue::MpathsPerS => Sample::Value(last.mpaths_per_s()),
+        TableValue::MraysPerS if last.render_s > 0.0 => Sample::Value(last.rays as f64 / last.render_s / 1e6),
+        TableValue::MraysPerS => return None,
+        TableValue::AccelBuildS => Sample::Value(known(open.accel_build_s)?),
+        TableValue::AccelNodes => Sample::Value(open.accel_nodes as f64),
+        TableValue::AccelMib => Sample::Value(known(open.accel_bytes as f64 / f64::from(1 << 20))?),
+        TableValue::AccelCost => Sample::Value(known(open.accel_cost)?),
         TableValue::TimeTo { column, threshold } => {
             let (index, metric) = labels::column(plan, column)?;
             last.metrics.get(index)?;
@@ -128,17 +144,19 @@ fn sample(plan: &Plan, value: &TableValue, rows: &[WaveRow]) -> Option<Sample> {
     })
 }
 
-fn average(samples: &[Sample]) -> TableCell {
+fn average(plan: &Plan, samples: &[(usize, Sample)]) -> TableCell {
     let runs = samples.len();
-    let sum: f64 = samples.iter().map(|(Sample::Value(x) | Sample::NeverIn(x))| x).sum();
-    let mean = sum / runs.max(1) as f64;
-    let never = samples.iter().any(|s| matches!(s, Sample::NeverIn(_)));
+    let values: Vec<f64> = samples.iter().map(|(_, Sample::Value(x) | Sample::NeverIn(x))| *x).collect();
+    let mean = values.iter().sum::<f64>() / runs.max(1) as f64;
+    let never = samples.iter().any(|(_, s)| matches!(s, Sample::NeverIn(_)));
+    let alike = samples.windows(2).all(|two| plan.cells[two[0].0].point == plan.cells[two[1].0].point);
+    let half = mean_and_interval(&values).1.filter(|half| alike && !never && half.is_finite());
     let entry = match (runs, never) {
         (0, _) => Entry::Empty,
         (_, true) => Entry::MoreThan(mean),
         (_, false) => Entry::Mean(mean),
     };
-    TableCell { entry, runs }
+    TableCell { entry, runs, half }
 }
 
 /// The header of a table's only value column.
@@ -151,6 +169,11 @@ fn short_name(plan: &Plan, value: &TableValue) -> String {
         TableValue::Samples => "samples per pixel".to_owned(),
         TableValue::RenderS => "render time (s)".to_owned(),
         TableValue::MpathsPerS => "Mpaths/s".to_owned(),
+        TableValue::MraysPerS => "Mrays/s".to_owned(),
+        TableValue::AccelBuildS => "build (s)".to_owned(),
+        TableValue::AccelNodes => "nodes".to_owned(),
+        TableValue::AccelMib => "hierarchy (MiB)".to_owned(),
+        TableValue::AccelCost => "SAH cost".to_owned(),
         TableValue::TimeTo { .. } => "time to reach it (s)".to_owned(),
     }
 }
@@ -177,6 +200,13 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
         TableValue::Samples => "Samples per pixel at the end".to_owned(),
         TableValue::RenderS => "Render time at the end in seconds".to_owned(),
         TableValue::MpathsPerS => "Million camera paths per second of render time".to_owned(),
+        TableValue::MraysPerS => "Million rays per second of render time".to_owned(),
+        TableValue::AccelBuildS => "Seconds spent building the hierarchy".to_owned(),
+        TableValue::AccelNodes => "Nodes of the hierarchy".to_owned(),
+        TableValue::AccelMib => "Mebibytes of the hierarchy with its primitives".to_owned(),
+        TableValue::AccelCost => {
+            "Nodes and primitives that a ray through the scene's box meets, by the surface area heuristic".to_owned()
+        }
         TableValue::TimeTo { column, threshold } => match labels::column(plan, column) {
             Some((_, m)) => {
                 let sign = match m.row.better {
@@ -191,6 +221,9 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
     };
     let mut sentences = vec![format!("{what}, {}.", averaged(plan, spec, rows))];
     let entries = || rows.iter().flat_map(|r| &r.cells).map(|c| c.entry);
+    if rows.iter().flat_map(|r| &r.cells).any(|c| c.half.is_some()) {
+        sentences.push("±: half the 95 % confidence interval of the mean over repeats, by Student's t.".to_owned());
+    }
     if entries().any(|e| matches!(e, Entry::MoreThan(_))) {
         sentences.push("`> t`: not reached within t seconds.".to_owned());
     }
@@ -245,7 +278,7 @@ impl TableData {
         let escaped = |s: &String| s.replace('|', "\\|").replace(['\n', '\r'], " ");
         let header: Vec<String> = self.row_axes.iter().chain(&self.columns).map(escaped).collect();
         let body = self.rows.iter().map(|row| {
-            let numbers = row.cells.iter().map(|c| markdown_entry(c.entry));
+            let numbers = row.cells.iter().map(markdown_entry);
             row.labels.iter().map(escaped).chain(numbers).collect::<Vec<_>>()
         });
         let body: Vec<Vec<String>> = body.collect();
@@ -272,28 +305,35 @@ impl TableData {
     }
 
     /// Comma-separated values in full precision: the label columns, then for each value column the value and the number
-    /// of runs behind it. What has no value, or was never reached, is empty.
+    /// of runs behind it; where any is a mean of repeats, also half the width of its 95 % confidence interval. What has no
+    /// value, or was never reached, is empty.
     pub fn to_csv(&self) -> String {
+        let intervals = self.rows.iter().flat_map(|r| &r.cells).any(|c| c.half.is_some());
+        let fields = |parts: [String; 3]| parts.into_iter().take(if intervals { 3 } else { 2 });
         let mut header = self.row_axes.clone();
-        header.extend(self.columns.iter().flat_map(|c| [c.clone(), format!("runs: {c}")]));
+        let named = self.columns.iter().map(|c| [c.clone(), format!("runs: {c}"), format!("±95 %: {c}")]);
+        header.extend(named.flat_map(fields));
         let mut text = csv_line(&header);
         for row in &self.rows {
-            let mut fields = row.labels.clone();
-            fields.extend(row.cells.iter().flat_map(|cell| {
+            let mut line = row.labels.clone();
+            line.extend(row.cells.iter().flat_map(|cell| {
                 let value = if let Entry::Mean(x) = cell.entry { exact(x) } else { String::new() };
-                [value, cell.runs.to_string()]
+                fields([value, cell.runs.to_string(), cell.half.map(exact).unwrap_or_default()])
             }));
-            text += &csv_line(&fields);
+            text += &csv_line(&line);
         }
         text
     }
 }
 
-fn markdown_entry(entry: Entry) -> String {
+fn markdown_entry(cell: &TableCell) -> String {
     let number = |x: f64| if x.fract() == 0.0 && x.abs() < 1e9 { x.to_string() } else { significant(x, 4) };
-    match entry {
+    match cell.entry {
         Entry::Empty => "–".to_owned(),
-        Entry::Mean(x) => number(x),
+        Entry::Mean(x) => match cell.half {
+            Some(half) => format!("{} ± {}", number(x), significant(half, 2)),
+            None => number(x),
+        },
         Entry::MoreThan(x) => format!("> {}", number(x)),
     }
 }
@@ -348,18 +388,42 @@ mod tests {
     }
 
     #[test]
+    fn means_of_repeats_have_an_interval_and_doubles_of_the_control_are_left_out() {
+        let mut plan = plan(&[("depth", numbers(&[3.0, 5.0]))], 3);
+        let errors = [1.0, 2.0, 3.0, 0.5];
+        let results: Vec<_> = errors.iter().enumerate().map(|(i, e)| done(i, &[(1.0, *e)])).collect();
+        let spec = spec(TableValue::Metric("rmse".to_owned()), &["depth"], &[]);
+        let table = build(&plan, &spec, &results);
+        // Standard deviation 1, three values, t = 4.30265.
+        let half = table.rows[0].cells[0].half.unwrap();
+        assert!((half - 4.302_652_73 / 3f64.sqrt()).abs() < 1e-6, "{half}");
+        assert_eq!(table.rows[1].cells[0].half, None, "one run");
+        assert!(table.to_markdown().contains("| 3     |         2 ± 2.5 |"), "{}", table.to_markdown());
+        assert!(
+            table
+                .to_csv()
+                .starts_with("depth,RMSE (radiance),runs: RMSE (radiance),±95 %: RMSE (radiance)\n3,2,3,2.48")
+        );
+        plan.cells[2].control = Some(0);
+        let table = build(&plan, &spec, &results);
+        assert_eq!((table.rows[0].cells[0].runs, table.rows[0].cells[0].entry), (2, Entry::Mean(1.5)));
+        assert!(table.caption.contains("2 runs have not finished"), "{}", table.caption);
+    }
+
+    #[test]
     fn gaps_show_as_dashes_and_unfinished_runs_are_left_out() {
         let mut broken = done(2, &[(1.0, 0.5)]);
         broken.outcome = Outcome::Failed("lost".to_owned());
         let results = [done(0, &[(1.0, 0.25)]), done(1, &[(1.0, 0.75)]), broken, ended(3, Outcome::Interrupted)];
         let table = build(&night(), &spec(TableValue::Metric("rmse".to_owned()), &["depth"], &["radius"]), &results);
         assert_eq!(table.columns, ["radius = 0.5", "radius = 1"]);
-        assert_eq!(table.rows[0].cells[0], TableCell { entry: Entry::Mean(0.5), runs: 2 });
-        assert_eq!(table.rows[0].cells[1], TableCell { entry: Entry::Empty, runs: 0 });
+        let first = table.rows[0].cells[0];
+        assert_eq!((first.entry, first.runs, first.half.is_some()), (Entry::Mean(0.5), 2, true));
+        assert_eq!(table.rows[0].cells[1], TableCell { entry: Entry::Empty, runs: 0, half: None });
         let markdown = table.to_markdown();
         assert!(markdown.contains("| 5     |            – |          – |"), "{markdown}");
         assert!(markdown.contains("mean of 2 runs (over repeats).\n6 runs have not finished"), "{markdown}");
-        assert_eq!(table.to_csv().lines().nth(2), Some("5,,0,,0"));
+        assert_eq!(table.to_csv().lines().nth(2), Some("5,,0,,,0,"));
     }
 
     #[test]
@@ -371,7 +435,7 @@ mod tests {
             build(&night(), &spec(value, &[], &[]), &results)
         };
         let table = time_to("rmse", 0.2);
-        assert_eq!(table.rows[0].cells[0], TableCell { entry: Entry::Mean(2.0), runs: 8 });
+        assert_eq!(table.rows[0].cells[0], TableCell { entry: Entry::Mean(2.0), runs: 8, half: None });
         assert!(table.caption.contains("≤ 0.2"), "{}", table.caption);
         // ssim is 1 - rmse / 2 here: 0.75, 0.9, 0.975
         assert_eq!(time_to("ssim", 0.95).rows[0].cells[0].entry, Entry::Mean(4.0));
@@ -387,7 +451,7 @@ mod tests {
         let value = TableValue::TimeTo { column: "rmse".to_owned(), threshold: 0.1 };
         let results = [done(0, &[(1.0, 0.05)]), done(1, &[(3.0, 0.5)])];
         let table = build(&night(), &spec(value, &["depth"], &[]), &results);
-        assert_eq!(table.rows[0].cells[0], TableCell { entry: Entry::MoreThan(2.0), runs: 2 });
+        assert_eq!(table.rows[0].cells[0], TableCell { entry: Entry::MoreThan(2.0), runs: 2, half: None });
     }
 
     #[test]
@@ -397,6 +461,11 @@ mod tests {
         assert_eq!(value(TableValue::Samples), Entry::Mean(2.0));
         assert_eq!(value(TableValue::RenderS), Entry::Mean(4.0));
         assert_eq!(value(TableValue::MpathsPerS), Entry::Mean(1.0));
+        assert_eq!(value(TableValue::MraysPerS), Entry::Mean(4.0));
+        assert_eq!(value(TableValue::AccelBuildS), Entry::Mean(0.25));
+        assert_eq!(value(TableValue::AccelNodes), Entry::Mean(100.0));
+        assert_eq!(value(TableValue::AccelMib), Entry::Mean(3.0));
+        assert_eq!(value(TableValue::AccelCost), Entry::Mean(12.5));
         assert!(matches!(value(TableValue::Metric("rmse".to_owned())), Entry::Mean(x) if x.is_nan()));
         assert_eq!(value(TableValue::Metric("nothing".to_owned())), Entry::Empty);
     }

@@ -30,14 +30,21 @@ pub const ROW: BackendRow = BackendRow {
     probe: || Ok("a fake clock of 10 million paths per second".into()),
     // It knows neither paths nor surfaces.
     layers: false,
+    times: false,
     models: &Model::ALL,
-    refuses: |_| None,
+    refuses: |_, _| None,
+    edited: || Ok(None),
+    accel: true,
     open: |scene, job| {
+        if job.timing.is_some() {
+            return Err(RenderError::Unsupported { backend: "mock", reason: "it counts no time".into() });
+        }
         if !job.layers.is_empty() {
             return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
         }
         Ok(Box::new(MockRenderer::new(scene, job)))
     },
+    paths: |_, _, _| Err(RenderError::Unsupported { backend: "mock", reason: "it traces no paths".into() }),
 };
 
 /// A run of the mock backend.
@@ -162,6 +169,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::render::hierarchy::AccelSpec;
     use crate::scene::desc::CameraDesc;
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
@@ -172,8 +180,10 @@ mod tests {
             content_hash: [7; 32],
             triangles: Vec::new(),
             attributes: Vec::new(),
+            instances: Default::default(),
             spheres: Vec::new(),
             materials: Vec::new(),
+            delays: Default::default(),
             textures: Vec::new(),
             emitters: Vec::new(),
             points: Vec::new(),
@@ -196,7 +206,9 @@ mod tests {
             rr_start: None,
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             layers: Vec::new(),
+            timing: None,
             sampler: INDEPENDENT,
+            accel: AccelSpec::default(),
             seed,
             threads: 1,
         }

@@ -3,21 +3,29 @@
 //! This room knows no integrator by name: a [`Job`] carries a row of
 //! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
 
+pub mod choice;
 pub mod cpu;
 pub mod halves;
+pub mod hierarchy;
 pub mod mock;
+pub mod paths;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
+pub mod worker;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
+use self::hierarchy::AccelSpec;
+use self::paths::{SampleAt, Step};
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
+use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
+use crate::transport::flight::Timing;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
@@ -39,8 +47,13 @@ pub struct Job {
     pub filter: FilterSpec,
     /// The layers to fill besides the picture; none cost nothing.
     pub layers: Vec<Layer>,
+    /// The time axis of the film; without one nothing is counted, and nothing is paid.
+    pub timing: Option<Timing>,
     /// Where the numbers of samples come from.
     pub sampler: &'static SamplerRow,
+    /// How the hierarchy is built through which rays are traced, where the backend builds one itself. Never changes the
+    /// picture.
+    pub accel: AccelSpec,
     /// Seed of every random number of the run.
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
@@ -83,10 +96,19 @@ impl WaveStats {
 /// What a renderer did before its first wave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenStats {
+    /// Seconds spent copying scene and job to a device; 0 without one.
+    pub upload_s: f64,
+    /// Seconds spent compiling shaders and making pipelines; 0 without any.
+    pub pipeline_s: f64,
     /// Seconds spent building acceleration structures.
     pub accel_build_s: f64,
     /// Their number of nodes.
     pub accel_nodes: u64,
+    /// Bytes of nodes and primitives as traversal reads them; 0 if that is not known.
+    pub accel_bytes: u64,
+    /// What a ray costs that meets the scene's box, by the surface area heuristic: the nodes that it visits plus the
+    /// primitives that it is tested with; 0 if that is not known.
+    pub accel_cost: f64,
     /// A line for people: device, builder, threads.
     pub device: String,
 }
@@ -100,6 +122,15 @@ pub enum RenderError {
         /// The backend.
         backend: &'static str,
         /// What is missing.
+        reason: String,
+    },
+    /// The device or the process that rendered is gone, and with it all that was not saved. Another try, from the newest
+    /// checkpoint, may succeed.
+    #[error("backend `{backend}` is lost: {reason}")]
+    Lost {
+        /// The backend.
+        backend: &'static str,
+        /// What happened.
         reason: String,
     },
     /// Something went wrong while rendering; the cell is lost, the night is not.
@@ -134,8 +165,16 @@ pub trait Renderer: Send {
         &[]
     }
 
-    /// The sums so far of film `index` of [`Renderer::layers`]; `None` if there is no such film.
-    fn layer(&self, _index: usize) -> Option<Film> {
+    /// The sums so far of film `index` of [`Renderer::layers`].
+    ///
+    /// # Errors
+    /// When there is no such film, or the backend fails.
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        Err(RenderError::Failed { backend: "this", reason: format!("it has no film {index} of layers") })
+    }
+
+    /// The light of every pixel by its time, if the job has a time axis.
+    fn times(&self) -> Option<TimeCube> {
         None
     }
 
@@ -164,6 +203,9 @@ pub trait Renderer: Send {
 /// Starts a run of a job on a scene.
 pub type OpenFn = fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
 
+/// The steps of each of some samples of a job.
+pub type PathsFn = fn(&Arc<CompiledScene>, &Job, &[SampleAt]) -> Result<Vec<Vec<Step>>, RenderError>;
+
 /// One row of [`BACKENDS`].
 pub struct BackendRow {
     /// The name in scripts and on the command line.
@@ -174,13 +216,24 @@ pub struct BackendRow {
     pub probe: fn() -> Result<String, String>,
     /// Whether it can fill layers. If not, a plan that asks it for some is refused.
     pub layers: bool,
+    /// Whether it counts the time of light and knows composed materials. If not, a plan that asks it for a film with a time
+    /// axis, or for a scene with such materials, is refused.
+    pub times: bool,
     /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
     pub models: &'static [Model],
-    /// Why it cannot carry out an integrator, if it cannot: a plan that asks for it is refused with these words. Must not
-    /// touch a device.
-    pub refuses: fn(&IntegratorRow) -> Option<String>,
+    /// Why it cannot carry out an integrator with paths of so many edges, if it cannot: a plan that asks for it is refused
+    /// with these words. Must not touch a device.
+    pub refuses: fn(&IntegratorRow, u32) -> Option<String>,
+    /// A hash of what of it is not as it was built, if anything: part of the identity of runs. The error says what is wrong
+    /// with it.
+    pub edited: fn() -> Result<Option<String>, String>,
+    /// Whether it builds its hierarchy as a run's `accel` says. If not, a plan that asks it for anything but the default is
+    /// refused.
+    pub accel: bool,
     /// Starts a run.
     pub open: OpenFn,
+    /// Says what single samples of a job do, in this process; layers are left out.
+    pub paths: PathsFn,
 }
 
 /// Every backend there is.
@@ -195,14 +248,39 @@ pub const BACKENDS: &[BackendRow] = &[
     mock::ROW,
 ];
 
+/// Opens a run of the backend with this name.
+///
+/// # Errors
+/// When there is none, or it cannot render this.
+pub fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    match backend(name) {
+        Some(row) => (row.open)(scene, job),
+        None => Err(RenderError::Unsupported { backend: "none", reason: format!("there is no backend `{name}`") }),
+    }
+}
+
 /// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
 /// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.
 pub fn automatic() -> (&'static str, String) {
+    if let Some(name) = choice::auto() {
+        return (name, "it meant that when the plan was frozen".to_owned());
+    }
     #[cfg(feature = "vulkan")]
     let found = vulkan::automatic();
     #[cfg(not(feature = "vulkan"))]
     let found: Result<(&'static str, String), String> = Err("this program was built without Vulkan".to_owned());
     found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
+}
+
+/// Names the one device of this machine that a backend renders on, for programs: its place among those of its kind, or
+/// nothing for the processor.
+pub fn device_place(backend: &str) -> String {
+    #[cfg(feature = "vulkan")]
+    if let Some(place) = vulkan::place(backend) {
+        return place;
+    }
+    let _ = backend;
+    String::new()
 }
 
 /// The row that `name` means; `auto` is that of [`automatic`].

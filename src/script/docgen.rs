@@ -18,6 +18,7 @@ const TABLES: &[&Table] = &[
     &experiment::REFERENCE,
     &measure::MEASURE,
     &stop::WHEN,
+    &stop::PLATEAU,
     &report::FIGURE,
     &report::TABLE,
     &scene::PLACE,
@@ -38,7 +39,7 @@ const HEAD: &str = "\
 ---@field wave integer number of the wave, from 1
 ---@field samples integer samples per pixel so far
 ---@field render_s number seconds inside the renderer so far
----@field wall_s number seconds since the cell began
+---@field wall_s number seconds that the cell has taken, everything included
 ---@field measure_s number seconds spent measuring
 ---@field paths integer camera paths so far
 ---@field rays integer rays so far

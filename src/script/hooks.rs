@@ -111,9 +111,9 @@ impl Script {
         }
     }
 
-    fn find_image(&self, file: &str, place: &Place) -> Result<ReferenceRequest, ScriptError> {
+    fn find_image(&self, file: &str, source: String, place: &Place) -> Result<ReferenceRequest, ScriptError> {
         render::find_file(file, &self.shared.folder, "reference.image", "image")
-            .map(ReferenceRequest::File)
+            .map(|file| ReferenceRequest::File { file, source })
             .map_err(|e| self.blame(place, e))
     }
 
@@ -121,11 +121,11 @@ impl Script {
         let said = self.shared.builder.borrow().reference.clone();
         match said {
             None => Ok(None),
-            Some(Reference::Image { file, place }) => self.find_image(&file, &place).map(Some),
-            Some(Reference::ImageOf { file }) => {
+            Some(Reference::Image { file, source, place }) => self.find_image(&file, source, &place).map(Some),
+            Some(Reference::ImageOf { file, source }) => {
                 let place = self.shared.function_place(&file);
                 match self.call("the reference's image function", &file, point)? {
-                    LuaValue::String(s) => self.find_image(&s.to_string_lossy(), &place).map(Some),
+                    LuaValue::String(s) => self.find_image(&s.to_string_lossy(), source, &place).map(Some),
                     other => {
                         let problem = format!("the function returned {}: expected a file", kind(&other));
                         Err(self.shared.sources.borrow().field(&place, "reference.image", problem, None))
@@ -134,7 +134,7 @@ impl Script {
             }
             Some(Reference::Render { from, stop, agree, place }) => {
                 let config = self.reference_config(from.as_ref(), point)?;
-                let stop = stop.lower(&self.shared, &place)?;
+                let stop = self.rule(&stop, &place, point, true)?;
                 let agree = match agree {
                     None => None,
                     Some(agree) if integrator(&agree.with).is_none() => {
@@ -148,6 +148,7 @@ impl Script {
                             integrator: agree.with,
                             params: BTreeMap::new(),
                             films: Vec::new(),
+                            timing: None,
                             ..config.clone()
                         },
                         stop: agree.stop.unwrap_or_else(|| stop.clone()),
@@ -163,6 +164,7 @@ impl Script {
         const PATH: &str = "reference.from";
         let (own, own_place) = self.render_table(point)?;
         let Some(from) = from else {
+            let own = render::merge(&own, &BTreeMap::new());
             return render::cell(&own, &self.shared.folder, "render").map_err(|e| self.blame(&own_place, e));
         };
         let place = self.shared.function_place(from);
@@ -178,18 +180,28 @@ impl Script {
 
     fn stop_of(&self, point: &Point) -> Result<StopRule, ScriptError> {
         let Some((stop, place)) = self.shared.builder.borrow().stop.clone() else { return Err(self.gone("x:stop")) };
+        self.rule(&stop, &place, point, false)
+    }
+
+    /// The rule of a cell or of its reference as plain data, from the function that makes it if it is one; `place` is
+    /// where it was handed over.
+    fn rule(&self, stop: &Stop, place: &Place, point: &Point, reference: bool) -> Result<StopRule, ScriptError> {
         let function = match stop {
-            Stop::Rule(rule) => return rule.lower(&self.shared, &place),
+            Stop::Rule(rule) => return rule.lower(&self.shared, place),
             Stop::Function(function) => function,
         };
-        let place = self.shared.function_place(&function);
-        let returned = self.call("the stop function", &function, point)?;
+        let place = self.shared.function_place(function);
+        let returned = self.call("the stop function", function, point)?;
         let Some(rule) = rule_of(&returned) else {
             let problem = format!("the function returned {}: expected a stop rule", kind(&returned));
-            return Err(self.shared.sources.borrow().field(&place, "stop", problem, None));
+            let path = if reference { "reference.stop" } else { "stop" };
+            return Err(self.shared.sources.borrow().field(&place, path, problem, None));
         };
+        // Borrowed only now: the function may have tried to say more.
         let builder = self.shared.builder.borrow();
-        rule.check(&self.shared, &experiment::cell_rules(&builder, &builder.columns()))?;
+        let columns = builder.columns();
+        let cells = experiment::cell_rules(&builder, &columns);
+        rule.check(&self.shared, &if reference { experiment::reference_rules(&columns) } else { cells })?;
         rule.lower(&self.shared, &place)
     }
 
@@ -312,6 +324,15 @@ impl ScriptHooks for Script {
 
     fn stop(&self, point: &Point) -> Result<StopRule, HookError> {
         hook(self.stop_of(point))
+    }
+
+    fn control(&self, point: &Point) -> Result<Option<bool>, HookError> {
+        let said = self.shared.builder.borrow().control.clone();
+        let Some(Some(function)) = said else { return Ok(None) };
+        hook(
+            self.call("the control function", &function, point)
+                .and_then(|answer| self.answer(&answer, "control", &function).map(Some)),
+        )
     }
 
     fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, HookError> {

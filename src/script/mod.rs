@@ -64,7 +64,14 @@ pub fn load(path: &Path) -> Result<Script, ScriptError> {
 /// # Errors
 /// Whatever is wrong with it; see [`Problem`].
 pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
-    let text = source::read(path)?;
+    load_text(path, source::read(path)?, limits)
+}
+
+/// Reads a script whose text was kept elsewhere, as if it still stood in its file: what lies beside that is found.
+///
+/// # Errors
+/// Whatever is wrong with it; see [`Problem`].
+pub fn load_text(path: &Path, text: String, limits: Limits) -> Result<Script, ScriptError> {
     let Read { shared, lua, returned } = read(path, &text, limits, Purpose::Experiment)?;
     let spec = finish(&shared, &returned, path, text)?;
     let points = hooks::point_metatable(&lua, &shared).map_err(|e| shared.convert(&e))?;
@@ -144,6 +151,7 @@ fn finish(shared: &Shared, returned: &LuaValue, path: &Path, script_text: String
         skips: builder.skips.iter().map(|(reason, _)| reason.clone()).collect(),
         measure: builder.measure.as_ref().map_or_else(api::measure::nothing, |(m, _)| m.clone()),
         night: builder.night.clone(),
+        control: builder.control.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
     })

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
 
-use super::{FILMS, HALVES, NOISE, layout, rows, seal};
+use super::{FILMS, HALVES, NOISE, layout, rows, seal, sums};
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::HalfImages;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
 use crate::film::Image;
+use crate::render::OpenStats;
 
 /// Decodes the bytes of a picture; the error is for people. Handed in, because this room knows no image format.
 pub type Decode = fn(&[u8]) -> Result<Image, String>;
@@ -51,6 +52,19 @@ impl Archive {
         Archive { own: Some(own.to_owned()), inspected: Some(RefCell::default()), ..Archive::new(out, decode) }
     }
 
+    /// The same for a worker, which cannot walk all folders and read every byte of what a thousand others finish: it is
+    /// told what lies elsewhere, and looks at sizes.
+    pub(super) fn for_worker(
+        out: &Path,
+        own: &Path,
+        decode: Decode,
+        name: &str,
+        elsewhere: BTreeMap<String, PathBuf>,
+    ) -> Archive {
+        let index = RefCell::new(BTreeMap::from([(name.to_owned(), elsewhere)]));
+        Archive { own: Some(own.to_owned()), index, ..Archive::new(out, decode) }
+    }
+
     /// Remembers where a run is about to be written, so that its twin in the same plan finds it.
     pub(super) fn expect(&self, name: &str, id: &str, folder: &Path) {
         if self.indexed(name, id).is_none() {
@@ -72,6 +86,12 @@ impl Archive {
 }
 
 impl Archive {
+    /// Samples per pixel of the shorter reference from which one goes on that is not there, if there is one.
+    pub fn begun(&self, plan: &Plan, reference: usize) -> Option<u64> {
+        let ReferenceSource::Render { stem, stop, .. } = &plan.references.get(reference)?.source else { return None };
+        sums::samples(&self.out, &stem.0, stop.sample_limit()?)
+    }
+
     fn read(&self, file: &Path) -> Result<Image, String> {
         let bytes = fs::read(file).map_err(|e| format!("cannot be read: {e}"))?;
         (self.decode)(&bytes)
@@ -122,7 +142,8 @@ impl History for Archive {
                 here.or_else(|| look(self.indexed(&plan.name, &cell.id.0)?))
             }
             CellRef::Reference(i) => {
-                let reference = plan.references.get(i)?;
+                // A file is no run: what is kept of it here is a copy.
+                let reference = plan.references.get(i).filter(|reference| reference.stem().is_some())?;
                 let folder = layout::reference_folder(&self.out, &reference.id);
                 let looked = finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[]);
                 self.whole(self.sound(&folder, looked)?)
@@ -133,7 +154,7 @@ impl History for Archive {
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
         let Some(wanted) = plan.references.get(reference) else { return Ok(None) };
         let (file, advice) = match &wanted.source {
-            ReferenceSource::File(file) => (file.clone(), ""),
+            ReferenceSource::File { file, .. } => (file.clone(), ""),
             ReferenceSource::Render { .. } => match self.done(plan, CellRef::Reference(reference)) {
                 Some(run) => (run.folder.join("ref.exr"), " (delete its folder to have it rendered again)"),
                 None => return Ok(None),
@@ -206,7 +227,20 @@ fn finished(
     });
     let floor = |column: &String| done["floors"].get(column).and_then(number);
     let floors = if done["floors"].is_object() { columns.iter().map(floor).collect() } else { Vec::new() };
-    Ok(Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into() }))
+    let open = open_stats(&done);
+    Ok(Some(FinishedRun { folder: folder.to_owned(), rows: rows.collect(), floors: floors.into(), open }))
+}
+
+/// What a run's last file, or the journal, says of how it was opened.
+pub(super) fn open_stats(json: &Json) -> OpenStats {
+    OpenStats {
+        device: json["device"].as_str().unwrap_or_default().to_owned(),
+        accel_build_s: json["accel_build_s"].as_f64().unwrap_or(0.0),
+        accel_nodes: json["accel_nodes"].as_u64().unwrap_or(0),
+        accel_bytes: json["accel_bytes"].as_u64().unwrap_or(0),
+        accel_cost: json["accel_cost"].as_f64().unwrap_or(0.0),
+        ..OpenStats::default()
+    }
 }
 
 /// A number as Lumbre writes it into JSON, which has no infinities.

@@ -68,7 +68,25 @@ pub(super) fn save(
     standing: &Standing,
     state: Save<'_>,
 ) -> Result<bool, StoreError> {
-    let path = folder.join(SLOTS[turn.free]);
+    let saved = write_one(&folder.join(SLOTS[turn.free]), run, turn.sequence + 1, standing, state)?;
+    if saved {
+        *turn = Turn { sequence: turn.sequence + 1, free: 1 - turn.free };
+    }
+    Ok(saved)
+}
+
+/// Writes one file in the form of a slot, and says whether the renderer could be saved.
+///
+/// # Errors
+/// When it cannot be written; what was under its name is then as it was.
+pub(super) fn write_one(
+    path: &Path,
+    run: &str,
+    sequence: u64,
+    standing: &Standing,
+    state: Save<'_>,
+) -> Result<bool, StoreError> {
+    let folder = path.parent().unwrap_or(Path::new("."));
     let attempt = || -> io::Result<bool> {
         fs::create_dir_all(folder)?;
         let mut file = write::temporary(folder)?;
@@ -79,7 +97,7 @@ pub(super) fn save(
             return Ok(false);
         }
         let state_length = to.length - MAGIC.len() as u64;
-        let head = head(run, turn.sequence + 1, standing).to_string();
+        let head = head(run, sequence, standing).to_string();
         to.write_all(head.as_bytes())?;
         to.write_all(&state_length.to_le_bytes())?;
         to.write_all(&(head.len() as u64).to_le_bytes())?;
@@ -88,15 +106,16 @@ pub(super) fn save(
         to.flush()?;
         drop(to);
         file.as_file().sync_all()?;
-        file.persist(&path).map_err(|e| e.error)?;
+        file.persist(path).map_err(|e| e.error)?;
         write::sync_folder(folder)?;
         Ok(true)
     };
-    let saved = attempt().map_err(|e| StoreError::io("write", &path, &e))?;
-    if saved {
-        *turn = Turn { sequence: turn.sequence + 1, free: 1 - turn.free };
-    }
-    Ok(saved)
+    attempt().map_err(|e| StoreError::io("write", path, &e))
+}
+
+/// Reads one file in the form of a slot; nothing if it is not there, damaged, or another run's.
+pub(super) fn read_one(path: &Path, run: &str) -> Option<Checkpoint> {
+    Some(parse(fs::read(path).ok()?, run)?.1)
 }
 
 /// The newest valid checkpoint of a run, and which slot is next; and the slots that are damaged.

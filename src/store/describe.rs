@@ -25,6 +25,10 @@ pub fn plan_json(plan: &Plan) -> Json {
         "hash": plan.hash,
         "seed": plan.seed,
         "axes": plan.axes,
+        "night": {
+            "order": plan.night.order.name(),
+            "warmup": plan.night.warmup.map(|warmup| warmup.describe()),
+        },
         "metrics": plan.columns(),
         "measure": {
             "every_s": plan.measure.every_s,
@@ -40,8 +44,9 @@ pub fn plan_json(plan: &Plan) -> Json {
                     "run": r.id.0, "kind": "render", "source": config_json(config), "stop": stop_json(stop),
                     "agree": agree,
                 }),
-                ReferenceSource::File(file) => json!({
+                ReferenceSource::File { file, source } => json!({
                     "run": r.id.0, "kind": "file", "source": file.display().to_string(), "agree": agree,
+                    "blake3": r.identity.as_map().and_then(|fields| fields.get("file")?.as_str()), "made_by": source,
                 }),
             }
         }).collect::<Vec<_>>(),
@@ -68,7 +73,7 @@ fn metric_json(metric: &MetricSpec) -> Json {
 }
 
 fn cell_line(cell: &Cell, stop: usize) -> Json {
-    json!({
+    let mut line = json!({
         "run": cell.id.0,
         "path": cell.path,
         "folder": layout::safe(&cell.path).join(&cell.id.0).to_string_lossy().replace('\\', "/"),
@@ -77,9 +82,16 @@ fn cell_line(cell: &Cell, stop: usize) -> Json {
         "seed": cell.seed,
         "integrator": cell.config.integrator,
         "backend": cell.config.backend,
+        "scene": cell.config.scene,
+        "max_depth": cell.config.max_depth,
+        "resolution": cell.config.resolution,
         "reference": cell.reference,
         "stop": stop,
-    })
+    });
+    if let (Some(double_of), Some(fields)) = (cell.control, line.as_object_mut()) {
+        fields.insert("control".into(), double_of.into());
+    }
+    line
 }
 
 /// The content of a run's `config.json`: what it is, what it renders, and the canonical form behind its id.
@@ -111,8 +123,9 @@ pub fn cell_json(plan: &Plan, cell: CellRef) -> Json {
                     out.insert("stem".into(), stem.0.as_str().into());
                     out.insert("render".into(), config_json(config));
                 }
-                ReferenceSource::File(file) => {
+                ReferenceSource::File { file, source } => {
                     out.insert("file".into(), file.display().to_string().into());
+                    out.insert("made_by".into(), source.as_str().into());
                 }
             }
             out.insert("identity".into(), reference.identity.to_json());
@@ -139,7 +152,9 @@ fn config_json(config: &CellConfig) -> Json {
         "rr_start": config.rr_start,
         "aa": { "filter": kind, "radius": config.filter.radius },
         "films": config.films.iter().map(|layer| layer.row().name).collect::<Vec<_>>(),
+        "film": config.timing.as_ref().map(|timing| timing.to_film(true).to_json()),
         "sampler": config.sampler,
+        "accel": Value::Map(config.accel.identity()).to_json(),
         "set": Value::Map(config.set.clone()).to_json(),
         "backend": config.backend,
     })

@@ -31,7 +31,9 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
     let name = text(&plan["name"]);
     let mut notes = Vec::new();
     let mut reader = Reader { folder, elsewhere: elsewhere(out, &name), notes: &mut notes, metrics: Vec::new() };
-    let runs: Vec<Run> = list(&plan["cells"]).iter().map(|cell| reader.run(cell)).collect();
+    // Doubles of the A/A check are no results.
+    let cells = list(&plan["cells"]).iter().filter(|cell| cell["control"].is_null());
+    let runs: Vec<Run> = cells.map(|cell| reader.run(cell)).collect();
     let metrics = std::mem::take(&mut reader.metrics);
     let references = list(&plan["references"]).iter().map(|reference| truth(out, reference)).collect();
     Ok(Night {
@@ -99,8 +101,9 @@ impl Reader<'_> {
             integrator: text(&cell["integrator"]),
             scene: render["scene"].as_str().map(str::to_owned).unwrap_or_default(),
             resolution: side(0).zip(side(1)).map(|(w, h)| [w, h]),
-            device: done.as_ref().and_then(|done| done["device"].as_str()).map(str::to_owned),
+            device: done.as_ref().and_then(device),
             accel: done.as_ref().and_then(|d| Some((d["accel_build_s"].as_f64()?, d["accel_nodes"].as_u64()?))),
+            accel_size: done.as_ref().and_then(|d| Some((d["accel_bytes"].as_u64()?, d["accel_cost"].as_f64()?))),
             reference: cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok()),
             pictures: pictures(&folder, done.as_ref()),
             films: films.unwrap_or_default(),
@@ -160,6 +163,17 @@ impl Reader<'_> {
     }
 }
 
+/// What a run was rendered on. The `cpu` backend only says how many threads it had: which processor that was, the run
+/// says too, since workers of one night may have several.
+fn device(done: &Json) -> Option<String> {
+    let device = done["device"].as_str()?;
+    let threads = device.strip_prefix("cpu, ").and_then(|rest| rest.split(',').find(|part| part.contains("thread")));
+    match (threads, done["processor"].as_str()) {
+        (Some(threads), Some(processor)) if !processor.is_empty() => Some(format!("{processor}, {}", threads.trim())),
+        _ => Some(device.to_owned()),
+    }
+}
+
 /// The kept pictures of a run by samples per pixel.
 fn pictures(folder: &Path, done: Option<&Json>) -> Vec<(u64, PathBuf)> {
     let mut found = BTreeMap::new();
@@ -179,12 +193,16 @@ fn pictures(folder: &Path, done: Option<&Json>) -> Vec<(u64, PathBuf)> {
 
 fn truth(out: &Path, reference: &Json) -> Truth {
     let id = text(&reference["run"]);
+    let shelf = out.join("refs").join(id.get(..2).unwrap_or("00")).join(&id);
     if reference["kind"] == "file" {
         let file = PathBuf::from(text(&reference["source"]));
-        let words = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        return Truth { id, picture: file.is_file().then_some(file), words };
+        let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let maker = reference["made_by"].as_str().filter(|by| !by.is_empty()).map(|by| format!(", {by}"));
+        let words = format!("{name}{}, its noise unknown", maker.unwrap_or_default());
+        let copy = shelf.join(layout::imported(&file));
+        let picture = [file, copy].into_iter().find(|file| file.is_file());
+        return Truth { id, picture, words };
     }
-    let shelf = out.join("refs").join(id.get(..2).unwrap_or("00")).join(&id);
     let facts = read_json(&shelf.join("ref.json"));
     let integrator = text(&reference["source"]["integrator"]);
     let words = match facts.as_ref().and_then(|f| f["samples"].as_u64()) {

@@ -4,34 +4,41 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
-use serde_json::Value as Json;
+use serde_json::{Value as Json, json};
 
 use super::archive::{Archive, Decode, read_json};
 use super::checkpoint::{self, Turn};
 use super::claim::{self, Claims};
 use super::failure::{self, FailureRecord};
+use super::frozen::Frozen;
 use super::journal::Journal;
+use super::marks::Marks;
 use super::run::{RunWriter, pretty};
-use super::{Host, StoreError, cell_json, layout, plan_json, write};
+use super::worker::Aboard;
+use super::{Host, StoreError, cell_json, layout, mount, plan_json, sums, utc, write};
 use crate::experiment::event::{FinishedRun, History, Save};
 use crate::experiment::floors::HalfImages;
-use crate::experiment::standing::{Checkpoint, Claim, Standing};
+use crate::experiment::plan::{Reference, ReferenceSource};
+use crate::experiment::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
 
 /// An experiment's folder, in which any number of processes work at once, each on other runs.
 #[derive(Debug)]
 pub struct Store {
-    folder: PathBuf,
-    out: PathBuf,
-    archive: Archive,
-    journal: RefCell<Journal>,
-    claims: Claims,
+    pub(super) folder: PathBuf,
+    pub(super) out: PathBuf,
+    pub(super) archive: Archive,
+    pub(super) journal: RefCell<Journal>,
+    pub(super) claims: Claims,
+    /// Where this process is one of many workers.
+    pub(super) aboard: Option<Aboard>,
     /// Which slot of the checkpoints of a run is next, by run id.
-    turns: RefCell<BTreeMap<String, Turn>>,
+    pub(super) turns: RefCell<BTreeMap<String, Turn>>,
     /// Shared by all who work here.
-    _lock: File,
+    pub(super) _lock: File,
 }
 
 impl Store {
@@ -55,7 +62,11 @@ impl Store {
         }
         write::if_changed(&folder.join("plan.json"), pretty(&plan_json(plan)).as_bytes())?;
         write::if_changed(&folder.join("experiment.lua"), plan.script_text.as_bytes())?;
-        let journal = RefCell::new(Journal::open(folder.join("journal.jsonl"))?);
+        let claims = Claims::new();
+        // A line that two machines append at once may be lost on a file system that they share.
+        let shared = mount::kind(&folder).is_some_and(|kind| mount::is_network(&kind));
+        let journal = if shared { claims.own_journal(&folder)? } else { folder.join("journal.jsonl") };
+        let journal = RefCell::new(Journal::open(journal)?);
         if let Err(e) = point_latest(out, &folder) {
             tracing::warn!("{} was not updated: {e}", out.join("latest").display());
         }
@@ -64,7 +75,8 @@ impl Store {
         }
         let archive = Archive::for_experiment(out, &folder, decode);
         let turns = RefCell::default();
-        let store = Store { folder, out: out.to_owned(), archive, journal, claims: Claims::new(), turns, _lock: lock };
+        let out = out.to_owned();
+        let store = Store { folder, out, archive, journal, claims, aboard: None, turns, _lock: lock };
         store.mend(plan)?;
         Ok(store)
     }
@@ -141,7 +153,7 @@ impl Store {
     }
 
     /// The folder of a run or a reference, whether or not it is there.
-    fn place(&self, plan: &Plan, cell: CellRef) -> PathBuf {
+    pub(super) fn place(&self, plan: &Plan, cell: CellRef) -> PathBuf {
         match cell {
             CellRef::Cell(i) => layout::run_folder(&self.folder, &plan.cells[i]),
             CellRef::Reference(i) => layout::reference_folder(&self.out, &plan.references[i].id),
@@ -165,6 +177,31 @@ impl Store {
         write::if_changed(&folder.join(name), bytes)
     }
 
+    /// Copies an image file that serves as a reference into the folder of references, with what is known of where it comes
+    /// from, so that who looks at the night elsewhere has it too. What is there already stays.
+    ///
+    /// # Errors
+    /// When it cannot be read or written.
+    pub fn import(&self, plan: &Plan, reference: usize) -> Result<(), StoreError> {
+        let ReferenceSource::File { file, source } = &plan.references[reference].source else { return Ok(()) };
+        let folder = self.place(plan, CellRef::Reference(reference));
+        if folder.join("ref.json").is_file() {
+            return Ok(());
+        }
+        let bytes = fs::read(file).map_err(|e| StoreError::io("read", file, &e))?;
+        let writer = RunWriter::shared(folder, "ref.json", &cell_json(plan, CellRef::Reference(reference)))?;
+        writer.write(&layout::imported(file), &bytes)?;
+        writer.finish(&json!({
+            "run": plan.references[reference].id.0,
+            "kind": "file",
+            "imported_from": fs::canonicalize(file).unwrap_or_else(|_| file.clone()).display().to_string(),
+            "blake3": blake3::hash(&bytes).to_hex().to_string(),
+            "made_by": source,
+            "noise": "unknown",
+            "finished": utc(SystemTime::now()),
+        }))
+    }
+
     /// Records the machine and the command in `env.json`.
     ///
     /// # Errors
@@ -173,11 +210,21 @@ impl Store {
         write::atomic(&self.folder.join("env.json"), pretty(&Host::here().env_json()).as_bytes())
     }
 
+    /// Leaves in the folder what workers on other machines need, and lets what failed be tried again.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn freeze(&self, frozen: &Frozen) -> Result<(), StoreError> {
+        Marks::new(&self.folder).forget_failures();
+        frozen.write(&self.folder)
+    }
+
     /// Appends a line to the journal: the date, the event, and the fields of an object.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn journal(&self, event: &str, fields: &Json) -> Result<(), StoreError> {
+        let event = self.aboard.as_ref().map_or(event, |aboard| aboard.tell(event, fields));
         self.journal.borrow_mut().append(event, fields)
     }
 }
@@ -199,7 +246,14 @@ impl History for Store {
         self.archive.halves(plan, reference)
     }
 
+    fn settled(&self, plan: &Plan, cell: CellRef) -> Option<Settled> {
+        self.aboard.as_ref()?.settled(plan, cell, &self.place(plan, cell))
+    }
+
     fn claim(&self, plan: &Plan, cell: CellRef) -> Result<Claim, SinkError> {
+        if let Some(apart) = self.aboard.as_ref().and_then(|aboard| aboard.apart(plan, cell).transpose()) {
+            return apart.map_err(|e| SinkError(e.to_string()));
+        }
         self.claims.take(&self.place(plan, cell)).map_err(|e| SinkError(e.to_string()))
     }
 
@@ -208,7 +262,20 @@ impl History for Store {
     }
 
     fn release(&self, plan: &Plan, cell: CellRef) {
-        self.claims.release(&self.place(plan, cell));
+        let place = self.place(plan, cell);
+        if let Some(aboard) = &self.aboard {
+            aboard.mark(plan, cell, &place);
+        }
+        self.claims.release(&place);
+    }
+
+    fn beginning(&self, plan: &Plan, reference: usize, most: u64) -> Option<Checkpoint> {
+        sums::load(&self.out, plan.references.get(reference)?.stem()?, most)
+    }
+
+    fn keep_sums(&self, plan: &Plan, reference: usize, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+        let Some(stem) = plan.references.get(reference).and_then(Reference::stem) else { return Ok(false) };
+        sums::keep(&self.out, stem, standing, save).map_err(|e| SinkError(e.to_string()))
     }
 
     fn checkpoint(&self, plan: &Plan, cell: CellRef) -> Option<Checkpoint> {
@@ -276,7 +343,7 @@ fn home(out: &Path, plan: &Plan) -> Result<(PathBuf, File, bool), StoreError> {
 }
 
 /// The lock of a folder: exclusive and true if nobody has it, shared with those who do otherwise.
-fn lock(folder: &Path) -> Result<(File, bool), StoreError> {
+pub(super) fn lock(folder: &Path) -> Result<(File, bool), StoreError> {
     let path = folder.join("lock");
     let unwritable = |e: &std::io::Error| StoreError::Unwritable { path: path.clone(), reason: e.to_string() };
     let file = OpenOptions::new()

@@ -1,21 +1,25 @@
-//! Following a night from outside, by its files alone: the journal, the measurements of the run at hand, its pictures.
+//! Following a night from outside, by its files alone: the journals, the measurements of the run at hand, its pictures,
+//! and the heartbeats of workers.
 //!
 //! Nothing is locked and nothing is written, so a folder can be followed while it grows, after its end, from another
 //! process, or on another machine to which it was copied. Whether a run is done is whether its last file is there, as
 //! everywhere; the journal only says when, and with what numbers.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value as Json;
 
 use super::archive::{Decode, read_json};
+use super::crew::{Doing, Worker, crew};
+use super::journals::Journals;
 use super::tail::Tail;
 use super::{FILMS, StoreError, layout, list, outline, rows, seconds_of};
 use crate::experiment::event::Level;
+use crate::experiment::forecast::Forecast;
 use crate::experiment::{CellConfig, CellRef, Outcome, Outline, WaveRow};
 use crate::film::Image;
 use crate::render::OpenStats;
@@ -36,6 +40,13 @@ pub enum Seen {
         /// The image that it is measured against, if it is there.
         reference: Option<Arc<Image>>,
     },
+    /// A run renders beside the one that is shown.
+    Underway {
+        /// Which.
+        cell: CellRef,
+    },
+    /// The workers of the night, all of them, when one or more were looked at.
+    Crew(Vec<Worker>),
     /// It was measured; metrics are in the order of the outline.
     Measured {
         /// Which.
@@ -81,6 +92,8 @@ pub enum Seen {
         /// The line.
         text: String,
     },
+    /// What is left of the night was reckoned.
+    Foretold(Forecast),
     /// The night is over.
     Over,
 }
@@ -93,6 +106,9 @@ pub struct Sight {
     /// What.
     pub seen: Seen,
 }
+
+/// How often workers are looked at.
+const ROLL_CALL: Duration = Duration::from_secs(2);
 
 /// The run at hand.
 #[derive(Debug)]
@@ -121,10 +137,18 @@ pub struct Follower {
     cells: Vec<(PathBuf, Option<usize>)>,
     /// The folder of every reference, or the file that it is.
     references: Vec<PathBuf>,
-    journal: Tail,
+    journals: Journals,
+    /// Runs that started and have not ended, by their ids, with the line that said so.
+    underway: BTreeMap<String, Json>,
+    /// Whether a night has begun and not ended.
+    goes_on: bool,
+    /// When workers were looked at, and those that were found to be lost.
+    called: Option<Instant>,
+    lost: BTreeSet<String>,
     /// When the first look came, everything that is there has to be told.
     fresh: bool,
-    run: Option<Run>,
+    /// The runs at hand, oldest first: several where they take turns, and the last one that ended.
+    runs: Vec<Run>,
     /// The reference that was read last.
     recent: Option<(usize, Arc<Image>)>,
     folder: PathBuf,
@@ -164,12 +188,15 @@ impl Follower {
         for (i, reference) in lines("references").iter().enumerate() {
             known(reference, CellRef::Reference(i));
             let id = reference["run"].as_str().unwrap_or_default().to_owned();
-            references.push(match reference["source"].as_str() {
-                Some(file) => PathBuf::from(file),
-                None => layout::reference_folder(&out, &crate::experiment::RunId(id)),
+            let shelf = layout::reference_folder(&out, &crate::experiment::RunId(id));
+            references.push(match reference["source"].as_str().map(PathBuf::from) {
+                Some(file) if file.is_file() => file,
+                // On another machine there is the copy.
+                Some(file) => shelf.join(layout::imported(&file)),
+                None => shelf,
             });
         }
-        let journal = Tail::new(folder.join("journal.jsonl"));
+        let journals = Journals::new(&folder);
         let outline = Arc::new(outline);
         Ok(Follower {
             out,
@@ -178,9 +205,13 @@ impl Follower {
             ids,
             cells,
             references,
-            journal,
+            journals,
+            underway: BTreeMap::new(),
+            goes_on: false,
+            called: None,
+            lost: BTreeSet::new(),
             fresh: true,
-            run: None,
+            runs: Vec::new(),
             recent: None,
             folder,
         })
@@ -199,48 +230,110 @@ impl Follower {
     /// When a file of the night was last written to, as far as can be seen.
     pub fn news_at(&self) -> Option<SystemTime> {
         let written = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
-        let run = self.run.as_ref().and_then(|run| written(run.metrics.path()));
-        written(self.journal.path()).max(run)
+        let runs = self.runs.iter().filter_map(|run| written(run.metrics.path()));
+        self.journals.written().max(runs.max())
     }
 
     /// What happened since the last look, oldest first. The first look tells everything that is there.
     pub fn look(&mut self) -> Vec<Sight> {
         let mut sights = Vec::new();
-        let news = self.journal.look();
+        let news = self.journals.look();
         let fresh = std::mem::take(&mut self.fresh) || news.anew;
-        let lines: Vec<Json> = news.text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-        // Only the newest run is worth its rows and pictures: those of a whole night would be read to be thrown away.
-        let newest = lines.iter().rposition(|line| line["event"] == "cell_started");
+        let lines = news.lines;
+        // Only runs that have not ended, and the newest, are worth their rows and pictures: those of a whole night would be
+        // read to be thrown away.
+        let live = live(&lines);
         if fresh {
             self.what_is_there(&lines, &mut sights);
         }
         for (i, line) in lines.iter().enumerate() {
-            self.journal_line(line, newest == Some(i), fresh, &mut sights);
+            self.journal_line(line, live.contains(&i), fresh, &mut sights);
         }
-        self.run_at_hand(&mut sights);
+        self.roll_call(&mut sights);
+        if self.journals.has_workers()
+            && self.runs.iter().all(|run| !run.running)
+            && let Some(line) = self.underway.values().next().cloned()
+        {
+            self.show(&line, &mut sights);
+        }
+        self.runs_at_hand(&mut sights);
         sights
     }
 
-    fn journal_line(&mut self, line: &Json, newest: bool, fresh: bool, sights: &mut Vec<Sight>) {
+    /// Looks at the workers from time to time. What a lost one rendered is open again.
+    fn roll_call(&mut self, sights: &mut Vec<Sight>) {
+        if !self.journals.has_workers() || self.called.is_some_and(|at| at.elapsed() < ROLL_CALL) {
+            return;
+        }
+        self.called = Some(Instant::now());
+        let workers = crew(&self.folder);
+        let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
+        for worker in workers.iter().filter(|worker| worker.is_lost()) {
+            let Doing::Rendering { run, .. } = &worker.doing else { continue };
+            if !self.lost.insert(worker.name.clone()) || self.underway.remove(run).is_none() {
+                continue;
+            }
+            for cell in self.ids.get(run).cloned().unwrap_or_default() {
+                if let Some(run) = self.runs.iter_mut().find(|run| run.cell == cell) {
+                    run.running = false;
+                }
+                if !self.is_done(cell) {
+                    let ended = Seen::Ended { cell, outcome: Outcome::Interrupted, last: None };
+                    sights.push(Sight { at_s, seen: ended });
+                }
+            }
+        }
+        sights.push(Sight { at_s, seen: Seen::Crew(workers) });
+    }
+
+    /// Shows a run that started, and those that still render.
+    fn show(&mut self, line: &Json, sights: &mut Vec<Sight>) {
+        let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
+        let id = line["run"].as_str().unwrap_or_default();
+        if let Some(cell) = self.ids.get(id).and_then(|cells| cells.first()).copied() {
+            let (seen, run) = self.start(cell, line);
+            self.runs.retain(|other| other.running && other.cell != cell);
+            self.runs.push(run);
+            sights.push(Sight { at_s, seen });
+        }
+    }
+
+    fn journal_line(&mut self, line: &Json, live: bool, fresh: bool, sights: &mut Vec<Sight>) {
         let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
         let id = line["run"].as_str().unwrap_or_default();
         let which = self.ids.get(id).cloned().unwrap_or_default();
         let mut see = |seen| sights.push(Sight { at_s, seen });
         match line["event"].as_str().unwrap_or_default() {
-            "night_started" => see(Seen::Began),
-            "night_finished" => see(Seen::Over),
-            "cell_started" if newest => {
-                if let Some(cell) = which.first() {
-                    let (sight, run) = self.start(*cell, line);
-                    self.run = Some(run);
-                    sights.push(Sight { at_s, seen: sight });
+            "night_started" => {
+                self.goes_on = true;
+                self.underway.clear();
+                see(Seen::Began);
+            }
+            "worker_started" if !self.goes_on => {
+                self.goes_on = true;
+                see(Seen::Began);
+            }
+            "night_finished" | "night_closed" => {
+                self.goes_on = false;
+                see(Seen::Over);
+            }
+            "forecast" => see(Seen::Foretold(foretold(line))),
+            "cell_started" => {
+                self.underway.insert(id.to_owned(), line.clone());
+                // Where many render at once, the one that is shown stays until it ends.
+                let busy = self.journals.has_workers() && self.runs.iter().any(|run| run.running);
+                if live && !busy {
+                    self.show(line, sights);
+                } else if self.journals.has_workers() {
+                    which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
                 }
             }
             "cell_finished" => {
-                if let Some(run) = self.run.as_mut().filter(|run| which.contains(&run.cell)) {
+                self.underway.remove(id);
+                if let Some(run) = self.runs.iter_mut().find(|run| which.contains(&run.cell)) {
                     run.running = false;
                     // What was measured last is told before the end is.
-                    self.run_at_hand(sights);
+                    self.runs_at_hand(sights);
                 }
                 for cell in which {
                     let outcome = self.outcome(cell, line);
@@ -266,7 +359,7 @@ impl Follower {
 
     /// Runs that are done without the journal saying so: it was lost, or they lie in a folder beside this one.
     fn what_is_there(&self, lines: &[Json], sights: &mut Vec<Sight>) {
-        let told: std::collections::BTreeSet<&str> = lines
+        let told: BTreeSet<&str> = lines
             .iter()
             .filter(|line| line["event"] == "cell_finished" && line["outcome"] == "done")
             .filter_map(|line| line["run"].as_str())
@@ -342,11 +435,7 @@ impl Follower {
     fn start(&mut self, cell: CellRef, line: &Json) -> (Seen, Run) {
         let folder = self.place(cell);
         let config = read_json(&folder.join("config.json")).and_then(|json| outline::config(&json["render"]));
-        let open = OpenStats {
-            device: line["device"].as_str().unwrap_or_default().to_owned(),
-            accel_build_s: line["accel_build_s"].as_f64().unwrap_or(0.0),
-            accel_nodes: line["accel_nodes"].as_u64().unwrap_or(0),
-        };
+        let open = super::archive::open_stats(line);
         let reference = match cell {
             CellRef::Cell(i) => self.cells.get(i).and_then(|(_, reference)| *reference),
             CellRef::Reference(_) => None,
@@ -374,12 +463,18 @@ impl Follower {
         (self.decode)(&fs::read(file).ok()?).ok()
     }
 
-    /// New rows and a newer picture of the run at hand; once it has ended, the films of its strategies, one at a look.
-    fn run_at_hand(&mut self, sights: &mut Vec<Sight>) {
-        let Some(mut run) = self.run.take() else { return };
+    /// What is new of the runs at hand.
+    fn runs_at_hand(&mut self, sights: &mut Vec<Sight>) {
+        let mut runs = std::mem::take(&mut self.runs);
+        runs.iter_mut().for_each(|run| self.run_at_hand(run, sights));
+        self.runs = runs;
+    }
+
+    /// New rows and a newer picture of a run; once it has ended, the films of its strategies, one at a look.
+    fn run_at_hand(&self, run: &mut Run, sights: &mut Vec<Sight>) {
         let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
         let mut see = |seen| sights.push(Sight { at_s, seen });
-        for row in self.new_rows(&mut run) {
+        for row in self.new_rows(run) {
             see(Seen::Measured { cell: run.cell, row });
         }
         let last = if run.running { run.pictured } else { u64::MAX };
@@ -397,7 +492,6 @@ impl Follower {
         {
             see(Seen::Strategy { cell: run.cell, s, t, weighted, image: Arc::new(image) });
         }
-        self.run = Some(run);
     }
 
     fn new_rows(&self, run: &mut Run) -> Vec<WaveRow> {
@@ -417,6 +511,37 @@ impl Follower {
         let rows = rows::parse_more(&news.text);
         rows.into_iter().map(|row| placed(row, places)).collect()
     }
+}
+
+/// A forecast as the journal tells it.
+fn foretold(line: &Json) -> Forecast {
+    let count = |key: &str| line[key].as_u64().and_then(|n| usize::try_from(n).ok()).unwrap_or(0);
+    let truth = |key: &str| line[key].as_bool().unwrap_or(false);
+    let seconds = line["left_s"].as_f64().unwrap_or(0.0);
+    let (known, unknown) = (count("known"), count("unknown"));
+    Forecast { seconds, at_most: truth("at_most"), rough: truth("rough"), known, unknown }
+}
+
+/// The lines at which runs started that have not ended since, nor with their night; and that of the newest run.
+fn live(lines: &[Json]) -> BTreeSet<usize> {
+    let mut ended: BTreeSet<&str> = BTreeSet::new();
+    let mut live = BTreeSet::new();
+    let mut current = true;
+    for (i, line) in lines.iter().enumerate().rev() {
+        let run = line["run"].as_str().unwrap_or_default();
+        match line["event"].as_str().unwrap_or_default() {
+            "cell_started" if live.is_empty() || (current && !ended.contains(run)) => {
+                live.insert(i);
+                ended.insert(run);
+            }
+            "cell_finished" => {
+                ended.insert(run);
+            }
+            "night_started" | "night_finished" => current = false,
+            _ => {}
+        }
+    }
+    live
 }
 
 /// A row with its metrics in the order of the outline; none where none was measured.

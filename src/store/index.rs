@@ -15,6 +15,7 @@ use rusqlite::{Connection, params};
 use serde_json::Value as Json;
 
 use super::archive::read_json;
+use super::{crew, layout, mount};
 
 /// Raised with every change of the table.
 const VERSION: i64 = 1;
@@ -69,9 +70,18 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// Where the index of `out` lies.
+    /// Where the index of `out` lies: in it, unless other machines see it too. Locks of a database do not hold between
+    /// machines, so there everybody has an index of their own, in the folder of caches.
     pub(super) fn place(out: &Path) -> PathBuf {
-        out.join("index.sqlite")
+        let shared = mount::kind(out).is_some_and(|kind| mount::is_network(&kind)) || has_workers(out);
+        let cache = shared.then(cache_folder).flatten();
+        match cache.zip(out.canonicalize().ok()) {
+            Some((cache, real)) => {
+                let name = blake3::hash(real.as_os_str().as_encoded_bytes()).to_hex();
+                cache.join(format!("index-{}.sqlite", &name[..16]))
+            }
+            None => out.join("index.sqlite"),
+        }
     }
 
     /// Opens the index of `out`, or makes one if that is possible.
@@ -134,6 +144,19 @@ impl Index {
         }
         transaction.commit()
     }
+}
+
+/// Whether any night of a folder had workers.
+fn has_workers(out: &Path) -> bool {
+    layout::folders_in(out).iter().any(|night| night.join(crew::FOLDER).is_dir())
+}
+
+/// The user's folder of caches, made for this program; `None` where there is none.
+fn cache_folder() -> Option<PathBuf> {
+    let given = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let caches = given("XDG_CACHE_HOME").or_else(|| Some(given("HOME")?.join(".cache")))?;
+    let folder = caches.join("lumbre");
+    fs::create_dir_all(&folder).is_ok().then_some(folder)
 }
 
 fn stamp(facts: &fs::Metadata) -> Stamp {

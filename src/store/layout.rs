@@ -44,6 +44,12 @@ pub(super) fn reference_folder(out: &Path, id: &RunId) -> PathBuf {
     out.join("refs").join(shelf).join(&id.0)
 }
 
+/// The name that the copy of an image file has in a reference's folder: `ref.` and its own extension.
+pub(super) fn imported(file: &Path) -> String {
+    let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    format!("ref.{}", if extension.is_empty() { "image" } else { &extension })
+}
+
 /// Every run folder below `folder`: those that hold a `config.json`, ordered by path.
 pub(super) fn runs_below(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
-//!   experiment.lua plan.json env.json journal.jsonl lock summary.csv figures/ tables/
+//!   experiment.lua plan.json frozen.json env.json journal.jsonl lock summary.csv figures/ tables/
+//!   workers/ finished/ bonds/    of nights with workers: heartbeats and journals, marks, devices of comparisons
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
 //!                                    films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png half-{a,b}.exr noise.exr ref.json
@@ -16,40 +17,56 @@
 //! This room knows no image format: pictures come and go as bytes, and the decoder is handed in.
 
 mod archive;
+mod bonds;
 mod checkpoint;
 mod claim;
 mod condition;
+mod crew;
 mod describe;
 pub mod evidence;
 mod experiment;
 mod failure;
 mod follow;
+mod frozen;
 mod host;
 mod index;
 mod journal;
+mod journals;
 mod layout;
 mod list;
+mod marks;
+pub mod mount;
 mod outline;
+mod owner;
+mod paces;
+pub mod rehearsal;
 pub mod rows;
 mod run;
 mod seal;
+mod sums;
 mod tail;
 #[cfg(test)]
 mod tests;
+mod worker;
 mod write;
 
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
 pub use archive::{Archive, Decode};
+pub use claim::LEASE;
 pub use condition::{Condition, condition};
+pub use crew::{Device, Doing, Me, Worker, crew};
 pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
 pub use failure::{FailureRecord, LOG_LINES};
 pub use follow::{Follower, Seen, Sight};
+pub use frozen::{Command, Frozen};
 pub use host::{Host, seconds_of, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
+pub use paces::archived_paces;
 pub use run::{FILMS, HALVES, NOISE, RunWriter};
+pub use worker::Stock;
 pub use write::{atomic, probe};
 
 /// Why the store cannot do what it was asked.

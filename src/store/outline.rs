@@ -11,7 +11,9 @@ use crate::experiment::{CellConfig, Point, StopRule};
 use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
+use crate::render::hierarchy::AccelSpec;
 use crate::transport::camera::{FilterKind, FilterSpec};
+use crate::transport::flight::Timing;
 use crate::value::Value;
 
 /// What `plan.json` says. Metrics that this program does not know, or knows otherwise, keep their column and lose their
@@ -91,8 +93,11 @@ pub(super) fn config(json: &Json) -> Option<CellConfig> {
             radius: json["aa"]["radius"].as_f64()? as f32,
         },
         films: list(&json["films"]).iter().filter_map(|name| Layer::from_name(name.as_str()?)).collect(),
+        timing: Timing::from_film(&values(&json["film"]), "film").ok()?,
         sampler: text(&json["sampler"]),
+        accel: AccelSpec::from_map(&values(&json["accel"])),
         set: values(&json["set"]),
         backend: text(&json["backend"]),
+        fallback: None,
     })
 }

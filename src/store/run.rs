@@ -153,7 +153,8 @@ fn is_result(path: &Path, kept: Option<u64>) -> bool {
 /// Whether a file in the folder of layers is one of ours.
 fn is_film(path: &Path) -> bool {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-    path.is_file() && (name.ends_with(".exr") || name.ends_with(".png") || write::is_temporary(name))
+    let ours = [".exr", ".png"].iter().any(|end| name.ends_with(end)) || name.starts_with("time-");
+    path.is_file() && (ours || write::is_temporary(name))
 }
 
 /// JSON for people, with a line end.

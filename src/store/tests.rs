@@ -11,7 +11,7 @@ use super::*;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Cell, Reference, ReferenceSource};
 use crate::experiment::spec::{CellConfig, Measure, Snapshots};
-use crate::experiment::standing::Claim;
+use crate::experiment::standing::{Claim, Settled};
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
@@ -39,9 +39,12 @@ fn config() -> Arc<CellConfig> {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         films: Vec::new(),
+        accel: Default::default(),
+        timing: None,
         sampler: "independent".to_owned(),
         set: Default::default(),
         backend: "mock".into(),
+        fallback: None,
     })
 }
 
@@ -65,6 +68,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         id: RunId((*id).to_owned()),
         point: vec![("depth".into(), Value::Int(i as i64))],
         repeat: 0,
+        control: None,
         seed: i as u64,
         config: config(),
         scene: scene(),
@@ -297,7 +301,7 @@ fn references_are_shared_and_decoded() {
     assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [5.0; 3]);
     // A reference that a script names is read from its own place; what cannot be read is an error that names it.
     let file = dir.path().join("truth.exr");
-    plan.references[0].source = ReferenceSource::File(file.clone());
+    plan.references[0].source = ReferenceSource::File { file: file.clone(), source: String::new() };
     assert!(store.image(&plan, 0).unwrap_err().0.contains("truth.exr"));
     fs::write(&file, b"I\x09").unwrap();
     assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [9.0; 3]);
@@ -396,6 +400,7 @@ fn a_night_is_followed_by_its_files_while_it_goes_on() {
     let seen = |follower: &mut Follower| -> Vec<String> {
         let words = |seen: Seen| match seen {
             Seen::Began => "began".to_owned(),
+            Seen::Foretold(left) => format!("{} known", left.known),
             Seen::Over => "over".to_owned(),
             Seen::Started { cell, config, open, .. } => {
                 format!("{cell:?} starts {} on {}", config.unwrap().integrator, open.device)
@@ -407,6 +412,8 @@ fn a_night_is_followed_by_its_files_while_it_goes_on() {
             Seen::Pictured { cell, image } => format!("{cell:?} shows {}", image.at(0, 0)[0]),
             Seen::Said { text, .. } => text,
             Seen::Strategy { .. } => "a film".to_owned(),
+            Seen::Underway { cell } => format!("{cell:?} too"),
+            Seen::Crew(workers) => format!("{} workers", workers.len()),
         };
         follower.look().into_iter().map(|sight| words(sight.seen)).collect()
     };
@@ -431,4 +438,67 @@ fn a_night_is_followed_by_its_files_while_it_goes_on() {
     let late = seen(&mut Follower::open(store.folder(), decode).unwrap());
     assert!(!late.iter().any(|word| word.starts_with("Cell(0) Done")), "{late:?}");
     assert!(Follower::open(dir.path(), decode).unwrap_err().to_string().contains("lumbre ls"));
+}
+
+#[test]
+fn workers_are_followed_by_their_own_journals() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
+    let home = Store::open(dir.path(), &plan, decode).unwrap().folder().to_owned();
+    let me = Me { job: "7_0".to_owned(), ..Me::default() };
+    let join = || Store::join(&home, &plan, &Frozen::default(), decode, &me).unwrap();
+    let (a, b) = (join(), join());
+    let tell = |store: &Store, event: &str, i: usize| {
+        let run = plan.cells[i].id.0.as_str();
+        let fields = json!({ "run": run, "path": "p", "device": "mock", "outcome": "done", "samples": 4 });
+        store.journal(event, &fields).unwrap();
+    };
+    a.journal("night_started", &json!({})).unwrap();
+    b.journal("night_started", &json!({})).unwrap();
+    assert_eq!(a.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
+    assert!(matches!(b.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
+    a.start(&plan, CellRef::Cell(0), None).unwrap();
+    tell(&a, "cell_started", 0);
+    b.start(&plan, CellRef::Cell(1), None).unwrap();
+    let mut follower = Follower::open(&home, decode).unwrap();
+    let seen = |follower: &mut Follower| -> Vec<String> {
+        let words = |seen: Seen| match seen {
+            Seen::Began => "began".to_owned(),
+            Seen::Over => "over".to_owned(),
+            Seen::Started { cell, .. } => format!("{cell:?} starts"),
+            Seen::Underway { cell } => format!("{cell:?} too"),
+            Seen::Ended { cell, outcome, .. } => format!("{cell:?} {outcome:?}"),
+            Seen::Crew(workers) => format!("{} workers", workers.iter().filter(|w| w.is_here()).count()),
+            _ => "more".to_owned(),
+        };
+        follower.look().into_iter().map(|sight| words(sight.seen)).filter(|word| word != "more").collect()
+    };
+    assert_eq!(seen(&mut follower), ["began", "Cell(0) starts", "2 workers"]);
+    tell(&b, "cell_started", 1);
+    assert_eq!(seen(&mut follower), ["Cell(1) too"], "the one that is shown stays");
+    finish_run(&a, &plan, 0);
+    tell(&a, "cell_finished", 0);
+    a.release(&plan, CellRef::Cell(0));
+    assert_eq!(seen(&mut follower), ["Cell(0) Done(\"\")", "Cell(1) starts"], "and then another one is");
+    // What one settled the others need not look at.
+    assert!(matches!(b.settled(&plan, CellRef::Cell(0)), Some(Settled::Done(_))));
+    assert_eq!(b.settled(&plan, CellRef::Cell(2)), None);
+    b.fail(&plan, CellRef::Cell(2), "no lens").unwrap();
+    b.release(&plan, CellRef::Cell(2));
+    assert_eq!(join().settled(&plan, CellRef::Cell(2)), Some(Settled::Failed("no lens".to_owned())));
+    let stock = a.take_stock(&plan);
+    assert_eq!((stock.done.len(), stock.failed.len(), stock.open), (1, 1, 2), "a cell and the reference are open");
+    // A worker that falls silent is lost, and its run open again.
+    let old = std::time::SystemTime::now() - 2 * LEASE;
+    for file in fs::read_dir(home.join("workers")).unwrap().flatten().map(|e| e.path()) {
+        let text = fs::read_to_string(&file).unwrap();
+        if text.contains("heartbeat") || file.extension().is_some_and(|e| e == "json") {
+            fs::File::options().write(true).open(&file).unwrap().set_modified(old).unwrap();
+        }
+    }
+    let mut late = Follower::open(&home, decode).unwrap();
+    let late = seen(&mut late);
+    assert!(late.last().is_some_and(|word| word == "0 workers"), "{late:?}");
+    a.journal("night_closed", &json!({})).unwrap();
+    assert!(seen(&mut follower).contains(&"over".to_owned()));
 }

@@ -3,7 +3,7 @@
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use super::StoreError;
 
@@ -70,11 +70,17 @@ pub(super) fn sweep_temporaries(folder: &Path) {
     }
 }
 
+/// What the clock of a folder's file system shows, which no machine's clock need agree with.
+pub(super) fn now_in(folder: &Path) -> std::io::Result<SystemTime> {
+    temporary(folder)?.as_file().metadata()?.modified()
+}
+
 /// The same in a folder to which others may be writing at this moment: only what is old.
 pub(super) fn sweep_old_temporaries(folder: &Path) {
+    let Ok(now) = now_in(folder) else { return };
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let modified = entry.metadata().and_then(|facts| facts.modified());
-        let age = modified.ok().and_then(|moment| moment.elapsed().ok()).unwrap_or_default();
+        let age = modified.ok().and_then(|moment| now.duration_since(moment).ok()).unwrap_or_default();
         if is_temporary(&entry.file_name().to_string_lossy()) && age > ABANDONED {
             // A leftover that cannot be removed harms nobody.
             let _ = fs::remove_file(entry.path());

@@ -16,6 +16,8 @@ pub struct Contribution {
     pub s: u32,
     /// Vertices found from the camera, the one on the lens included.
     pub t: u32,
+    /// Optical length of the path with all its delays, in scene units; 0 where the film has no time axis.
+    pub length: f64,
 }
 
 impl Contribution {

@@ -47,12 +47,15 @@
 pub mod bsdf;
 pub mod camera;
 pub mod contribution;
+pub mod delay;
+pub mod flight;
 pub mod integrator;
 pub mod light;
 pub mod mis;
 pub mod ray;
 pub mod sampler;
 pub mod surface;
+pub mod timing;
 pub mod vertex;
 
 /// Russian roulette never lets a path survive with a probability above this, so that every path ends.

@@ -18,6 +18,8 @@ pub struct Hit {
     pub t: f32,
     /// Primitive id: triangles first, spheres after them.
     pub primitive: u32,
+    /// The copy of a shared mesh whose triangle it is, or [`NONE`](crate::scene::compile::NONE).
+    pub instance: u32,
     /// Barycentric weights of the second and third corner; zero for spheres.
     pub uv: [f32; 2],
 }
@@ -37,9 +39,25 @@ pub trait Trace {
 /// those units vanish, it is a fixed length [Waechter & Binder 2019].
 #[inline]
 pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
-    const NEAR_ORIGIN: f32 = 1.0 / 32.0;
-    const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
-    const INT_SCALE: f32 = 256.0;
+    #[cfg(target_arch = "x86_64")]
+    return offset_by_vectors(p, n);
+    #[cfg(not(target_arch = "x86_64"))]
+    offset_by_axis(p, n)
+}
+
+/// Closer to the origin than this the step is a fixed length.
+const NEAR_ORIGIN: f32 = 1.0 / 32.0;
+
+/// That length.
+const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
+
+/// Units in the last place of a step.
+const INT_SCALE: f32 = 256.0;
+
+/// [`offset_origin`] one axis after the other.
+#[cfg(any(test, not(target_arch = "x86_64")))]
+#[inline]
+fn offset_by_axis(p: Vec3, n: Vec3) -> Vec3 {
     let axis = |p: f32, n: f32| {
         let steps = (INT_SCALE * n) as i32;
         let moved = f32::from_bits((p.to_bits() as i32).wrapping_add(if p < 0.0 { -steps } else { steps }) as u32);
@@ -48,9 +66,50 @@ pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
     Vec3::new(axis(p.x, n.x), axis(p.y, n.y), axis(p.z, n.z))
 }
 
+/// [`offset_origin`] with all axes at once, the same to the bit: it stands at both ends of every shadow ray, and a cast
+/// that minds its range costs more than all of this.
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "vector instructions that glam has no names for")]
+#[inline]
+fn offset_by_vectors(p: Vec3, n: Vec3) -> Vec3 {
+    use std::arch::x86_64::*;
+
+    use glam::Vec4;
+
+    let (p4, n4) = (p.extend(0.0), n.extend(0.0));
+    // SAFETY: SSE2, which every processor of this architecture has.
+    let moved = Vec4::from(unsafe {
+        let steps = _mm_cvttps_epi32((n4 * INT_SCALE).into());
+        let bits = _mm_castps_si128(p4.into());
+        let negative = _mm_srai_epi32::<31>(bits);
+        let steps = _mm_sub_epi32(_mm_xor_si128(steps, negative), negative);
+        _mm_castsi128_ps(_mm_add_epi32(bits, steps))
+    });
+    let near = p4.abs().cmplt(Vec4::splat(NEAR_ORIGIN));
+    Vec4::select(near, p4 + n4 * FLOAT_SCALE, moved).truncate()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn offsets_have_the_same_bits_with_vectors() {
+        let mut points = vec![Vec3::ZERO, -Vec3::ZERO, Vec3::new(1.0 / 32.0, -1.0 / 32.0, 0.031_249)];
+        points.extend((0..2000u32).map(|i| {
+            let w = crate::math::rng::pcg4d([i, 1, 2, 3]).map(|w| crate::math::rng::unit(w) * 2.0 - 1.0);
+            Vec3::new(w[0], w[1], w[2]) * 10f32.powi(i as i32 % 9 - 4)
+        }));
+        for (i, p) in points.into_iter().enumerate() {
+            let u = crate::math::rng::pcg4d([i as u32, 4, 5, 6]).map(crate::math::rng::unit);
+            let n = crate::math::warp::uniform_sphere([u[0], u[1]]);
+            for n in [n, -n, Vec3::X, -Vec3::Z, Vec3::ZERO] {
+                let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+                assert_eq!(bits(offset_by_vectors(p, n)), bits(offset_by_axis(p, n)), "{p} {n}");
+            }
+        }
+    }
 
     #[test]
     fn offset_moves_to_the_side_of_the_normal_at_every_scale() {

@@ -1,6 +1,6 @@
 //! From a hit to the surface that was hit.
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3};
 
 use super::light::DirectSample;
 use super::ray::{Hit, Ray, offset_origin};
@@ -35,25 +35,31 @@ pub struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    /// The surface at a hit of `ray`.
+    /// The surface at a hit of `ray`. A composed material is shown as a whole, as layers of the first surface want it:
+    /// paths take [`Flight::arrive`](super::flight::Flight::arrive), which chooses a part.
     #[inline]
     pub fn at(scene: &'a CompiledScene, ray: &Ray, hit: &Hit) -> Surface<'a> {
+        Surface::of_material(scene, ray, hit, scene.material_of(hit.primitive, hit.instance))
+    }
+
+    /// The surface at a hit of `ray` with the material of this row.
+    #[inline]
+    pub fn of_material(scene: &'a CompiledScene, ray: &Ray, hit: &Hit, material: u32) -> Surface<'a> {
         let i = hit.primitive as usize;
+        let material = &scene.materials[material as usize];
         let mut surface = if i < scene.triangles.len() {
-            let [a, b, c] = scene.triangles[i];
-            let attributes = &scene.attributes[i];
+            let ([a, b, c], [na, nb, nc]) = scene.triangle(hit.primitive, hit.instance);
             let [v, w] = hit.uv;
             let u = 1.0 - v - w;
             let n_geometric = (b - a).cross(c - a).normalize_or(-ray.dir);
-            let [na, nb, nc] = attributes.normals;
             Surface {
                 position: a * u + b * v + c * w,
                 n_geometric,
                 n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
                 tangent: Vec3::ZERO,
                 uv: uv_at(scene, ray, hit),
-                material: &scene.materials[attributes.material as usize],
-                emitter: attributes.emitter,
+                material,
+                emitter: scene.emitter_of(hit.primitive, hit.instance),
                 overhang: None,
             }
         } else {
@@ -65,7 +71,7 @@ impl<'a> Surface<'a> {
                 n_shading: n,
                 tangent: Vec3::ZERO,
                 uv: sphere_uv(n),
-                material: &scene.materials[sphere.material as usize],
+                material,
                 emitter: sphere.emitter,
                 overhang: None,
             }
@@ -89,11 +95,11 @@ impl<'a> Surface<'a> {
         if !opaque && (m.metallic < 1.0 || m.metallic_texture != NONE) {
             return None;
         }
-        let i = hit.primitive as usize;
         let [v, w] = hit.uv;
         let weights = [1.0 - v - w, v, w];
         let mut lift = Vec3::ZERO;
-        for ((weight, corner), n) in weights.into_iter().zip(scene.triangles[i]).zip(scene.attributes[i].normals) {
+        let (corners, normals) = scene.triangle(hit.primitive, hit.instance);
+        for ((weight, corner), n) in weights.into_iter().zip(corners).zip(normals) {
             lift -= n * ((self.position - corner).dot(n) * weight);
         }
         let up = if ray.dir.dot(self.n_geometric) < 0.0 { self.n_geometric } else { -self.n_geometric };
@@ -130,8 +136,8 @@ impl<'a> Surface<'a> {
         let (u_axis, v_axis) = if i < scene.triangles.len() {
             let [v, w] = hit.uv;
             let u = 1.0 - v - w;
-            let t = scene.tangents.get(i).map_or([Vec4::ZERO; 3], |t| *t);
-            let n = scene.attributes[i].normals;
+            let t = scene.tangents_at(hit.primitive, hit.instance);
+            let n = scene.triangle(hit.primitive, hit.instance).1;
             n_axis = n[0] * u + n[1] * v + n[2] * w;
             let across = |k: usize| n[k].cross(t[k].truncate()) * t[k].w;
             let along = t[0] * u + t[1] * v + t[2] * w;
@@ -279,7 +285,7 @@ pub fn coverage(textures: &[Texture], m: &Material, uv: Vec2) -> f32 {
 /// In blend mode this is decided by a hash of the ray and of the primitive, so that the same ray always finds the same
 /// holes, whatever thread asks, while rays of different samples see the mask's value on average.
 pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
-    let m = &scene.materials[scene.material_of(hit.primitive) as usize];
+    let m = &scene.materials[scene.material_of(hit.primitive, hit.instance) as usize];
     if m.mask_texture == NONE {
         return false;
     }
@@ -288,7 +294,7 @@ pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
         MaskMode::Threshold => covered == 0.0,
         MaskMode::Blend => {
             let [x, y, z] = ray.dir.to_array().map(f32::to_bits);
-            let directed = pcg4d([x, y, z, hit.primitive]);
+            let directed = pcg4d([x, y, z, scene.number_of(hit.primitive, hit.instance)]);
             let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
             unit(pcg4d([x ^ directed[0], y ^ directed[1], z ^ directed[2], directed[3]])[0]) >= covered
         }

@@ -52,6 +52,7 @@ fn towards(n: Vec3, dir: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::compile::NONE;
     use crate::transport::ray::Hit;
 
     /// The plane z = 0.
@@ -60,7 +61,7 @@ mod tests {
     impl Trace for Plane {
         fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
             let t = -ray.origin.z / ray.dir.z;
-            (t > 0.0 && t < t_max).then_some(Hit { t, primitive: 0, uv: [0.0; 2] })
+            (t > 0.0 && t < t_max).then_some(Hit { t, primitive: 0, instance: NONE, uv: [0.0; 2] })
         }
 
         fn occluded(&self, ray: &Ray, t_max: f32) -> bool {

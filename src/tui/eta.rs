@@ -85,7 +85,11 @@ pub fn fraction(rule: &StopRule, row: &WaveRow) -> Option<f64> {
         StopRule::Time(s) => share(row.render_s, *s),
         StopRule::Samples(n) => share(row.samples as f64, *n as f64),
         StopRule::Waves(n) => share(row.wave as f64, *n as f64),
-        StopRule::When { .. } | StopRule::Nan(_) | StopRule::Predicate(_) | StopRule::Not(_) => None,
+        StopRule::When { .. }
+        | StopRule::Plateau { .. }
+        | StopRule::Nan(_)
+        | StopRule::Predicate(_)
+        | StopRule::Not(_) => None,
         StopRule::Any(rules) => rules.iter().filter_map(|r| fraction(r, row)).reduce(f64::max),
         StopRule::All(rules) => {
             rules.iter().map(|r| fraction(r, row)).try_fold(1.0f64, |least, f| f.map(|f| least.min(f)))

@@ -8,6 +8,7 @@ use super::entry::{Counts, State};
 use super::model::Model;
 use super::words;
 use crate::experiment::event::Level;
+use crate::experiment::forecast::Forecast;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::transport::integrator;
 
@@ -38,6 +39,8 @@ pub struct LineSink {
     clock: Clock,
     /// When the night was summed up last.
     summed_s: f64,
+    /// Whether it was said how long the night will take.
+    foretold: bool,
 }
 
 /// Seconds on a monotonic clock, from any beginning.
@@ -63,7 +66,15 @@ impl LineSink {
     /// The same on a clock of the caller's.
     pub fn with_clock(writer: Box<dyn Write + Send>, options: LineOptions, clock: Clock) -> LineSink {
         let summed_s = clock();
-        LineSink { writer: Some(writer), options, model: Model::default(), spoken: BTreeMap::new(), clock, summed_s }
+        LineSink {
+            writer: Some(writer),
+            options,
+            model: Model::default(),
+            spoken: BTreeMap::new(),
+            clock,
+            summed_s,
+            foretold: false,
+        }
     }
 
     fn say(&mut self, ink: Ink, line: &str) {
@@ -185,6 +196,18 @@ impl LineSink {
         }
     }
 
+    /// Before the first run, how long the night will take.
+    fn foretell(&mut self, left: &Forecast) {
+        if std::mem::replace(&mut self.foretold, true) || left.known == 0 {
+            return;
+        }
+        let open = left.unknown;
+        let unknown = if open > 0 { format!(", and {} of unknown length", plural(open, "run")) } else { String::new() };
+        let length = words::duration(left.seconds);
+        let line = format!("forecast: {} {length} for {}{unknown}", left.sign(), plural(left.known, "run"));
+        self.talk(Ink::Dim, &line);
+    }
+
     /// Once a minute, the whole night on one line.
     fn sum_up(&mut self) {
         let now_s = (self.clock)();
@@ -255,6 +278,7 @@ impl Sink for LineSink {
             }
             Event::Wave { cell, row, pow2, .. } => self.wave(*cell, row, *pow2),
             Event::Floors { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
+            Event::Forecast(left) => self.foretell(left),
             Event::CellFinished { cell, outcome, rows, .. } => {
                 self.spoken.remove(cell);
                 self.finished(*cell, outcome, rows.last());

@@ -24,6 +24,7 @@ pub mod sharp;
 pub mod thumbs;
 pub mod view;
 pub mod words;
+pub mod workers;
 
 #[cfg(test)]
 mod tests;

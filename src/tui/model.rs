@@ -9,7 +9,9 @@ use super::entry::{Entry, State, mean_wall_s};
 use super::eta::{self, Eta};
 use super::thumbs::{Thumb, Thumbs};
 use super::words;
+use super::workers::WorkerLine;
 use crate::experiment::event::Level;
+use crate::experiment::forecast::Forecast;
 use crate::experiment::{CellConfig, CellRef, Event, Outcome, Outline, StopRule, WaveRow};
 use crate::film::SharedImage;
 use crate::film::layer::LayerImage;
@@ -65,20 +67,26 @@ pub struct Model {
     pub cells: Vec<Entry>,
     /// The columns that tell cells apart.
     pub columns: Arc<Vec<Column>>,
-    /// The cell that renders or rendered last.
+    /// The cell that renders or rendered last; of cells that take turns, the first that is not done.
     pub current: Option<Current>,
+    /// The others with which it takes turns.
+    pub rivals: BTreeMap<CellRef, Current>,
     /// For every reference whose noise is known, what it leaves of each metric to be measured.
     pub floors: BTreeMap<usize, Arc<Vec<Option<f64>>>>,
     /// The curves of the last [`PAST`] cells that ended after measuring, oldest first.
     pub past: VecDeque<(CellRef, Arc<Curve>)>,
     /// The films by strategy of the last cell that kept them.
     pub thumbs: Option<Arc<Thumbs>>,
+    /// The workers that take part and have not left, where there are several.
+    pub workers: Arc<Vec<WorkerLine>>,
     /// The last [`MESSAGES`] messages, oldest first.
     pub messages: VecDeque<Message>,
     /// When the night began, in seconds on the listener's clock.
     pub started_s: Option<f64>,
     /// When it ended.
     pub finished_s: Option<f64>,
+    /// What was left of the night when it was reckoned last, and when that was.
+    pub forecast: Option<(Forecast, f64)>,
     /// When anything was heard last.
     pub heard_s: f64,
     /// Number of events heard.
@@ -105,11 +113,12 @@ impl Model {
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
             Event::Halves { .. } | Event::Agreement { .. } => {}
-            Event::CellFinished { cell, outcome, film: _, layers, rows } => {
+            Event::CellFinished { cell, outcome, film: _, layers, times: _, rows } => {
                 self.finish(*cell, outcome, rows.last(), at_s);
                 self.layers(*cell, layers);
             }
             Event::Message { level, cell, text } => self.say(*level, *cell, text, at_s),
+            Event::Forecast(left) => self.foretold(*left, at_s),
             Event::NightFinished => self.end(at_s),
         }
     }
@@ -138,7 +147,8 @@ impl Model {
                 _ => State::Waiting,
             };
         }
-        (self.started_s, self.finished_s) = (Some(at_s), None);
+        (self.started_s, self.finished_s, self.forecast) = (Some(at_s), None, None);
+        self.rivals.clear();
         if let Some(current) = &mut self.current {
             current.running = false;
         }
@@ -149,7 +159,39 @@ impl Model {
         self.heard(at_s);
         let Some(entry) = self.entry_mut(cell) else { return };
         *entry = Entry { state: State::Running, last: None };
-        self.current = Some(Current { open, reference, ..Current::new(cell, at_s) });
+        let new = Current { open, reference, ..Current::new(cell, at_s) };
+        match &self.current {
+            Some(current) if current.running && current.cell != cell => {
+                self.rivals.insert(cell, new);
+            }
+            _ => self.current = Some(new),
+        }
+    }
+
+    /// A cell that renders, be it the one at hand or a rival; what was not known to have started is at hand.
+    fn live(&mut self, cell: CellRef, at_s: f64) -> &mut Current {
+        if self.rivals.contains_key(&cell) {
+            return self.rivals.entry(cell).or_insert_with(|| Current::new(cell, at_s));
+        }
+        match &mut self.current {
+            Some(current) if current.cell == cell => {}
+            other => *other = Some(Current::new(cell, at_s)),
+        }
+        self.current.get_or_insert_with(|| Current::new(cell, at_s))
+    }
+
+    /// A cell renders beside the current one.
+    pub fn underway(&mut self, cell: CellRef, at_s: f64) {
+        self.heard(at_s);
+        if let Some(entry) = self.entry_mut(cell) {
+            entry.state = State::Running;
+        }
+    }
+
+    /// Who takes part.
+    pub fn crew(&mut self, workers: Vec<WorkerLine>) {
+        self.revision += 1;
+        self.workers = Arc::new(workers);
     }
 
     /// A cell was measured.
@@ -158,10 +200,7 @@ impl Model {
         let row = Arc::new(row.clone());
         let Some(entry) = self.entry_mut(cell) else { return };
         *entry = Entry { state: State::Running, last: Some(Arc::clone(&row)) };
-        let current = match &mut self.current {
-            Some(current) if current.cell == cell => current,
-            other => other.insert(Current::new(cell, at_s)),
-        };
+        let current = self.live(cell, at_s);
         current.curve.push(row);
         current.measure_s += measure_s;
         current.heard_s = at_s;
@@ -170,7 +209,8 @@ impl Model {
 
     /// There is a newer picture of the current cell.
     pub fn picture(&mut self, cell: CellRef, image: SharedImage) {
-        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+        let current = self.current.as_mut().filter(|current| current.cell == cell);
+        if let Some(current) = current.or(self.rivals.get_mut(&cell)) {
             current.image = Some(image);
         }
     }
@@ -187,16 +227,25 @@ impl Model {
         if let Some(text) = text {
             self.note(level, Some(cell), &text, at_s);
         }
-        let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) else { return };
-        current.running = false;
-        current.heard_s = at_s;
-        if current.curve.last().is_some_and(|row| !row.metrics.is_empty()) {
-            let curve = Arc::new(current.curve.thinned());
+        let ended = match self.rivals.remove(&cell) {
+            Some(rival) => Some(rival.curve),
+            None => self.current.as_mut().filter(|current| current.cell == cell).map(|current| {
+                current.running = false;
+                current.heard_s = at_s;
+                current.curve.thinned()
+            }),
+        };
+        if let Some(curve) = ended.filter(|curve| curve.last().is_some_and(|row| !row.metrics.is_empty())) {
             self.past.retain(|(other, _)| *other != cell);
             if self.past.len() >= PAST {
                 self.past.pop_front();
             }
-            self.past.push_back((cell, curve));
+            self.past.push_back((cell, Arc::new(curve.thinned())));
+        }
+        if self.current.as_ref().is_some_and(|current| !current.running)
+            && let Some((_, next)) = self.rivals.pop_first()
+        {
+            self.current = Some(next);
         }
     }
 
@@ -216,7 +265,8 @@ impl Model {
 
     /// What the current cell renders, for a reader whose plan does not say it.
     pub fn configured(&mut self, cell: CellRef, config: Arc<CellConfig>) {
-        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+        let current = self.current.as_mut().filter(|current| current.cell == cell);
+        if let Some(current) = current.or(self.rivals.get_mut(&cell)) {
             current.config = Some(config);
         }
     }
@@ -259,10 +309,17 @@ impl Model {
         self.messages.push_back(Message { at_ms: (at_s.max(0.0) * 1e3) as u64, level, text });
     }
 
+    /// What is left of the night was reckoned.
+    pub fn foretold(&mut self, left: Forecast, at_s: f64) {
+        self.heard(at_s);
+        self.forecast = Some((left, at_s));
+    }
+
     /// The night is over.
     pub fn end(&mut self, at_s: f64) {
         self.heard(at_s);
         self.finished_s = Some(at_s);
+        self.rivals.clear();
         if let Some(current) = &mut self.current {
             current.running = false;
         }
@@ -325,13 +382,18 @@ impl Model {
         Some(Eta { seconds: (left.seconds * overhead - since).max(0.0), ..left })
     }
 
-    /// Wall time that the rest of the night needs: for every waiting cell the mean of the cells that were done, or,
+    /// Wall time that the rest of the night needs: what was reckoned of it, less what has gone by since; or, where that
+    /// was not told or does not know every run, for every waiting cell the mean of the cells that were done, or,
     /// before there is one, the limit of its stop rule. `None` where nothing tells.
     pub fn night_eta(&self, now_s: f64) -> Option<Eta> {
         if self.finished_s.is_some() {
             return None;
         }
         self.plan.as_ref()?;
+        if let Some((left, at_s)) = self.forecast.filter(|(left, _)| left.unknown == 0 && left.known > 0) {
+            let seconds = (left.seconds - (now_s - at_s)).max(0.0);
+            return Some(Eta { seconds, at_most: left.at_most, forecast: left.rough });
+        }
         let means = (mean_wall_s(&self.references), mean_wall_s(&self.cells));
         let mut sum = Eta::default();
         let references = (0..self.references.len()).map(CellRef::Reference);

@@ -337,8 +337,8 @@ impl View {
             }
             KeyCode::Up | KeyCode::Char('k') => self.scroll(-1, model, area),
             KeyCode::Down | KeyCode::Char('j') => self.scroll(1, model, area),
-            KeyCode::PageUp => self.scroll(-self.page(area), model, area),
-            KeyCode::PageDown => self.scroll(self.page(area), model, area),
+            KeyCode::PageUp => self.scroll(-self.page(model, area), model, area),
+            KeyCode::PageDown => self.scroll(self.page(model, area), model, area),
             KeyCode::Home => self.scroll(isize::MIN / 2, model, area),
             KeyCode::End => self.scroll(isize::MAX / 2, model, area),
             _ => {}
@@ -412,7 +412,7 @@ impl View {
                     self.listing = Listing::Open;
                 }
                 let row = self.row_of(CellRef::Cell(i), model);
-                let page = panes::plan::page(panes::regions(area, self.focus).plan);
+                let page = panes::plan::page(panes::regions(area, self.focus, model).plan);
                 self.plan_top = Some(row.saturating_sub(page / 2));
             }
             Order::Help => self.help = !self.help,
@@ -440,8 +440,8 @@ impl View {
         self.focus = ORDER[(now + by) % ORDER.len()];
     }
 
-    fn page(&self, area: Rect) -> isize {
-        let regions = panes::regions(area, self.focus);
+    fn page(&self, model: &Model, area: Rect) -> isize {
+        let regions = panes::regions(area, self.focus, model);
         match self.focus {
             Focus::Log => isize::from(regions.log.height as i16 - 3).max(1),
             _ => (panes::plan::page(regions.plan) as isize - 1).max(1),
@@ -450,7 +450,7 @@ impl View {
 
     /// Scrolls the log where it is the large pane, and the plan everywhere else.
     fn scroll(&mut self, by: isize, model: &Model, area: Rect) {
-        let regions = panes::regions(area, self.focus);
+        let regions = panes::regions(area, self.focus, model);
         if self.focus == Focus::Log {
             let most = panes::log::lines_back(model, self, regions.log);
             self.log_back = self.log_back.saturating_add_signed(by.saturating_neg()).min(most);

@@ -19,6 +19,11 @@ fn a_night_killed_at_fifty_random_instants_leaves_the_same_bytes() {
 }
 
 #[test]
+fn techniques_that_take_turns_leave_the_same_bytes_when_they_are_killed_fifty_times() {
+    assert!(kill(&["--kill", "50", "--order", "interleave", "--seed", "3"]) >= 10);
+}
+
+#[test]
 fn four_processes_that_are_killed_at_random_leave_the_same_bytes() {
     kill(&["--kill", "16", "--processes", "4", "--seed", "2"]);
 }

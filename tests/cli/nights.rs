@@ -208,7 +208,7 @@ return x
     };
     place.write("layers.lua", &script(r#"{ "strategies", "depth", "normal", "depth" }"#));
     let plan = place.succeed(&["plan", "layers.lua"]);
-    assert!(plan.stdout.contains("layers take up to "), "{}", plan.stdout);
+    assert!(plan.stdout.contains("layers and bins take up to "), "{}", plan.stdout);
     place.succeed(&["run", "layers.lua", "-q"]);
     let (done, _) = place.finished().remove(0);
     let folder = done.trim_end_matches("/done.json");

@@ -120,3 +120,83 @@ fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() 
     place.write("night.lua", &script.replace("bdpt", "bdtp"));
     assert!(place.fail(2, &["plan", "night.lua"]).contains("did you mean `bdpt`"));
 }
+
+/// The bytes of a reference's pictures.
+fn pictures(place: &Workplace, folder: &str) -> Vec<Vec<u8>> {
+    let names = ["ref.exr", "ref.png", "half-a.exr", "half-b.exr", "noise.exr"];
+    names.map(|name| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap()).into()
+}
+
+#[test]
+fn a_longer_reference_goes_on_from_a_shorter_one_to_the_same_bytes() {
+    // Splats and the processor's own backend: what is kept has to be all of it.
+    let script = |samples: u32, place: &Workplace| {
+        let text = place.read("night.lua").replace("backend = \"mock\"", "backend = \"cpu\"");
+        let reference =
+            format!("integrator = \"bdpt\" }} end, stop = function(p) return stop.samples({samples} * p.depth) end }}");
+        let text = text.replace("integrator = \"bpt\" } end, stop = stop.samples(4096) }", &reference);
+        place.write("long.lua", &text);
+    };
+    let whole = Workplace::new();
+    script(10, &whole);
+    whole.succeed(&["run", "long.lua", "depth=4", "-q"]);
+    let expected = pictures(&whole, &reference(&whole));
+
+    let place = Workplace::new();
+    script(4, &place);
+    place.succeed(&["run", "long.lua", "depth=4", "-q"]);
+    let short = reference(&place);
+    script(10, &place);
+    let plan = place.succeed(&["plan", "long.lua", "depth=4"]).stdout;
+    assert!(plan.contains("new, goes on from 16 samples per pixel"), "{plan}");
+    let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
+    assert!(said.contains("goes on from a shorter reference after 16 samples per pixel"), "{said}");
+    let refs: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/ref.json")).collect();
+    let long = refs.iter().map(|f| f.trim_end_matches("/ref.json")).find(|f| *f != short).unwrap();
+    assert_eq!(pictures(&place, long), expected);
+    let metrics = place.read(&format!("{long}/metrics.csv"));
+    assert_eq!(column(&metrics, "samples").last(), Some(&40.0));
+    assert!(column(&metrics, "render_s").is_sorted(), "the clock counts both: {metrics}");
+
+    // A shorter one does not begin with a longer one; it is there already. What lies between starts anew.
+    script(6, &place);
+    let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
+    assert!(!said.contains("goes on from"), "{said}");
+    let kept: Vec<String> = place.files("out").into_iter().filter(|f| f.contains("/sums/")).collect();
+    assert!(kept.len() == 1 && kept[0].ends_with(".40"), "the longest is kept: {kept:?}");
+    std::fs::write(place.path(&kept[0]), "damaged").unwrap();
+    script(12, &place);
+    let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
+    assert!(said.contains("the reference starts again"), "{said}");
+}
+
+#[test]
+fn an_image_from_elsewhere_is_copied_with_its_provenance_and_its_noise_is_said_to_be_unknown() {
+    let place = Workplace::new();
+    place.succeed(&["run", "night.lua", "depth=4", "-q"]);
+    let made = format!("{}/ref.exr", reference(&place));
+    let bytes = std::fs::read(place.path(&made)).unwrap();
+    std::fs::write(place.path("truth.exr"), &bytes).unwrap();
+    let text = place.read("night.lua").replace(
+        "from = function(p) return { integrator = \"bpt\" } end, stop = stop.samples(4096)",
+        "image = \"truth.exr\", source = \"Mitsuba 3.5, 65536 spp\"",
+    );
+    place.write("told.lua", &text);
+    let plan = place.succeed(&["plan", "told.lua", "depth=4"]).stdout;
+    let hash = blake3::hash(&bytes).to_hex().to_string();
+    let expected = format!("file, blake3 {}, Mitsuba 3.5, 65536 spp; its noise is unknown", &hash[..8]);
+    assert!(plan.contains(&expected), "{plan}");
+    place.succeed(&["run", "told.lua", "depth=4", "-q"]);
+    let all: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/ref.json")).collect();
+    let copies: Vec<_> = all.iter().map(|f| (f, place.json(f))).filter(|(_, json)| json["kind"] == "file").collect();
+    let [(file, json)] = copies.as_slice() else { panic!("{all:?}") };
+    assert_eq!((json["made_by"].as_str(), json["noise"].as_str()), (Some("Mitsuba 3.5, 65536 spp"), Some("unknown")));
+    assert_eq!(json["blake3"].as_str(), Some(hash.as_str()));
+    assert!(json["imported_from"].as_str().unwrap().ends_with("truth.exr"));
+    assert_eq!(std::fs::read(place.path(&file.replace("ref.json", "ref.exr"))).unwrap(), bytes);
+    let (done, _) = place.finished().remove(0);
+    assert!(place.json(&done)["floors"].is_null(), "nothing is made up about its noise");
+    assert!(place.fail(2, &["plan", "told.lua", "depth=4", "--nonsense"]).contains("nonsense"));
+    place.write("told.lua", &text.replace("image = \"truth.exr\", ", "stop = stop.samples(4), "));
+    assert!(place.fail(2, &["plan", "told.lua"]).contains("there is none"));
+}

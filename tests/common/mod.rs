@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use lumbre::film::Film;
+use lumbre::render::hierarchy::AccelSpec;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{
-    Cone, DirectionalLight, Emitter, Environment, Interface, MaskMode, Material, Model, NONE, PointLight, Sphere,
-    Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model, NONE, PointLight,
+    Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre::scene::desc::{CameraDesc, ConeDesc};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
@@ -76,9 +77,11 @@ impl SceneBuilder {
                 content_hash: [0; 32],
                 triangles: Vec::new(),
                 attributes: Vec::new(),
+                instances: Instances::default(),
                 tangents: Vec::new(),
                 spheres: Vec::new(),
                 materials: Vec::new(),
+                delays: Default::default(),
                 textures: Vec::new(),
                 emitters: Vec::new(),
                 points: Vec::new(),
@@ -116,7 +119,7 @@ impl SceneBuilder {
         let mut emitter = NONE;
         if material.emission != Vec3::ZERO {
             emitter = self.scene.emitters.len() as u32;
-            self.scene.emitters.push(Emitter { primitive, area: 0.5 * cross.length() });
+            self.scene.emitters.push(Emitter { primitive, instance: NONE, area: 0.5 * cross.length() });
         }
         self.scene.triangles.push(corners);
         let normals = [cross.normalize_or_zero(); 3];
@@ -153,7 +156,11 @@ impl SceneBuilder {
         if material.emission != Vec3::ZERO {
             emitter = self.scene.emitters.len() as u32;
             let primitive = self.scene.primitive_count() as u32;
-            self.scene.emitters.push(Emitter { primitive, area: 4.0 * std::f32::consts::PI * radius * radius });
+            self.scene.emitters.push(Emitter {
+                primitive,
+                instance: NONE,
+                area: 4.0 * std::f32::consts::PI * radius * radius,
+            });
         }
         self.scene.spheres.push(Sphere { center, radius, material: row, emitter });
         self
@@ -203,7 +210,9 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
+        accel: AccelSpec::default(),
         seed,
         threads: 0,
     }

@@ -139,7 +139,8 @@ fn a_reference_has_the_size_of_its_cell_and_can_be_read() {
         Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop: StopRule::Samples(4), agree: None }))
     });
     assert_eq!(refusal(&lab), "at the only point: the picture has 8x4 pixels but its reference 8x5");
-    lab.reference = Box::new(|_| Ok(Some(ReferenceRequest::File("no/such/truth.exr".into()))));
+    lab.reference =
+        Box::new(|_| Ok(Some(ReferenceRequest::File { file: "no/such/truth.exr".into(), source: String::new() })));
     assert!(refusal(&lab).starts_with("reference at the only point: cannot read no/such/truth.exr: "));
 }
 

@@ -141,6 +141,7 @@ fn spec() -> Spec {
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),
+        control: false,
         figures: Vec::new(),
         tables: Vec::new(),
     }
@@ -159,9 +160,12 @@ pub fn config() -> CellConfig {
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         films: Vec::new(),
+        accel: Default::default(),
+        timing: None,
         sampler: "independent".to_owned(),
         set: BTreeMap::new(),
         backend: "mock".into(),
+        fallback: None,
     }
 }
 
@@ -225,7 +229,10 @@ pub struct Recorder {
 
 impl Sink for Recorder {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
-        self.words.push(words(event));
+        // When the rest of a night is reckoned again depends on how long it takes.
+        if !matches!(event, Event::Forecast(_)) {
+            self.words.push(words(event));
+        }
         self.events.push(event.clone());
         Ok(())
     }
@@ -290,6 +297,7 @@ pub fn words(event: &Event) -> String {
         Event::Floors { reference, .. } => format!("floors r{reference}"),
         Event::Agreement { reference, with, .. } => format!("compared r{reference} r{with}"),
         Event::Halves { reference, .. } => format!("halves r{reference}"),
+        Event::Forecast(_) => "forecast".into(),
         Event::NightFinished => "morning".into(),
     }
 }

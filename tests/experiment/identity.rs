@@ -10,6 +10,8 @@ use lumbre::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre::film::layer::Layer;
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
+use lumbre::render::hierarchy::{Builder, Quality};
+use lumbre::scene::compile::Sharing;
 use lumbre::transport::camera::FilterKind;
 use lumbre::value::Value;
 
@@ -102,6 +104,10 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("other layers", |p| {
             (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth, Layer::Albedo]);
         }),
+        ("builder", |p| p.config.accel.builder = Builder::Sah),
+        ("bins", |p| (p.config.accel.builder, p.config.accel.bins) = (Builder::Sah, 8)),
+        ("quality of building", |p| p.config.accel.quality = Quality::Fast),
+        ("copies", |p| p.config.accel.instances = Sharing::Always),
         ("seed", |p| p.lab.spec.seed = 2),
         ("stop", |p| p.stop = StopRule::Samples(17)),
         ("stop of another kind", |p| p.stop = StopRule::Waves(16)),
@@ -142,6 +148,7 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
 #[test]
 fn names_places_and_looks_do_not_change_the_id() {
     let changes: &[(&str, Change)] = &[
+        ("bins that its builder has not", |p| p.config.accel.bins = 8),
         ("experiment's name", |p| p.lab.spec.name = "other".into()),
         ("axis name", |p| p.lab.spec.axes[0].names = vec!["label".into()]),
         ("axis value that is not used", |p| p.lab.spec.axes[0].steps[0] = vec!["y".into()]),

@@ -194,8 +194,12 @@ fn finished_cells_and_references_are_not_rendered_again() {
     let mut night = Night { open: &|_, _, _| panic!("nothing is to be rendered"), ..Night::default() };
     let rows = vec![WaveRow { wave: 1, samples: 16, ..WaveRow::default() }];
     for cell in [0, 1].map(CellRef::Cell).into_iter().chain([0, 1].map(CellRef::Reference)) {
-        let run =
-            FinishedRun { folder: format!("out/{cell:?}").into(), rows: rows.clone(), floors: Default::default() };
+        let run = FinishedRun {
+            folder: format!("out/{cell:?}").into(),
+            rows: rows.clone(),
+            floors: Default::default(),
+            open: Default::default(),
+        };
         night.history.done.insert(plan.id(cell).clone(), run);
     }
     for i in 0..2 {
@@ -213,10 +217,10 @@ fn only_what_is_missing_is_rendered_against_the_kept_reference() {
     let plan = lab.plan();
     let mut night = Night::default();
     let id = plan.references[0].id.clone();
-    night
-        .history
-        .done
-        .insert(id.clone(), FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() });
+    night.history.done.insert(
+        id.clone(),
+        FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() },
+    );
     night.history.images.insert(id, Ok(Image::new(8, 4)));
     let (_, heard) = night.record(&lab);
     assert!(!heard.words.contains(&"start r0".to_owned()));
@@ -232,10 +236,10 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
     let lab = Lab::new().measured();
     let mut night = Night::default();
     let id = lab.plan().references[0].id.clone();
-    night
-        .history
-        .done
-        .insert(id.clone(), FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() });
+    night.history.done.insert(
+        id.clone(),
+        FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() },
+    );
     night.history.images.insert(id, Err("ref.exr is cut off".into()));
     let (summary, heard) = night.record(&lab);
     assert!(heard.words.contains(&"done r0".to_owned()), "{:?}", heard.words);
@@ -268,7 +272,12 @@ fn the_second_of_two_equal_runs_is_found_in_the_same_night() {
             }
             if let Event::CellFinished { outcome: Outcome::Done(_), rows, .. } = event {
                 let id = lumbre::experiment::RunId(self.1[1].clone());
-                let run = FinishedRun { folder: "here".into(), rows: rows.to_vec(), floors: Default::default() };
+                let run = FinishedRun {
+                    folder: "here".into(),
+                    rows: rows.to_vec(),
+                    floors: Default::default(),
+                    open: Default::default(),
+                };
                 self.0.0.borrow_mut().done.insert(id, run);
             }
             Ok(())
@@ -290,7 +299,7 @@ fn a_reference_from_a_file_is_the_historys_to_read() {
     std::fs::write(&file, b"truth").unwrap();
     let mut lab = Lab::new().measured();
     let named = file.clone();
-    lab.reference = Box::new(move |_| Ok(Some(ReferenceRequest::File(named.clone()))));
+    lab.reference = Box::new(move |_| Ok(Some(ReferenceRequest::File { file: named.clone(), source: String::new() })));
     let id = lab.plan().references[0].id.clone();
     let mut night = Night::default();
     night.history.images.insert(id.clone(), Ok(Image::new(8, 4)));

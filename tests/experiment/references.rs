@@ -78,7 +78,7 @@ fn kept_halves_give_the_floors_once_and_broken_ones_a_warning() {
     let id = plan.references[0].id.clone();
     let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
     let mut night = Night::default();
-    let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() };
+    let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() };
     night.history.done.insert(id.clone(), run);
     night.history.images.insert(id.clone(), Ok(flat(0.5)));
     let halves = HalfImages { means: [flat(0.4), flat(0.6)], samples: [32, 32] };
@@ -182,7 +182,8 @@ fn kept_pictures_are_compared_and_missing_noise_is_said() {
     let plan = lab.plan();
     let mut night = Night::default();
     for (reference, light) in plan.references.iter().zip([0.5, 0.6]) {
-        let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default() };
+        let run =
+            FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() };
         night.history.done.insert(reference.id.clone(), run);
         let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
         night.history.images.insert(reference.id.clone(), Ok(flat(light)));

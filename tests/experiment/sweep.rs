@@ -234,7 +234,9 @@ fn a_reference_file_is_known_by_its_content() {
     std::fs::write(&c, b"another truth").unwrap();
     let mut lab = Lab::new().axis("file", ["a.exr", "b.exr", "c.exr"]);
     let root = folder.path().to_owned();
-    lab.reference = Box::new(move |p| Ok(Some(ReferenceRequest::File(root.join(at(p, "file").to_string())))));
+    lab.reference = Box::new(move |p| {
+        Ok(Some(ReferenceRequest::File { file: root.join(at(p, "file").to_string()), source: String::new() }))
+    });
     let plan = lab.plan();
     assert_eq!(plan.cells.iter().map(|cell| cell.reference).collect::<Vec<_>>(), [0, 0, 1].map(Some));
     assert_eq!(plan.references.len(), 2);

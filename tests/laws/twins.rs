@@ -5,7 +5,6 @@ use super::source::{root, rust_files, text};
 /// Shaders without an original of the same name: what Rust takes from its libraries, and types that Rust keeps in `mod.rs`
 /// but that GLSL must read before what `mod.glsl` includes.
 const ALONE: &[(&str, &str)] = &[
-    ("math/elementary.glsl", "glam"),
     ("transport/bsdf/lobe.glsl", "src/transport/bsdf/mod.rs"),
     ("transport/light/types.glsl", "src/transport/light/mod.rs"),
 ];
@@ -14,21 +13,20 @@ const ALONE: &[(&str, &str)] = &[
 const HOST: &[(&str, &str)] = &[
     ("src/math/discovery.rs", "statistics of nights"),
     ("src/math/mod.rs", "nothing but names"),
+    ("src/math/piecewise.rs", "a part of films with a time axis, which devices refuse"),
     ("src/math/stats.rs", "tests of statistics"),
     ("src/math/student.rs", "statistics of nights"),
-    ("src/transport/bsdf/beckmann.rs", "a model that devices refuse"),
-    ("src/transport/bsdf/conductor.rs", "a model that devices refuse"),
-    ("src/transport/bsdf/facets.rs", "a model that devices refuse"),
-    ("src/transport/bsdf/glass.rs", "a model that devices refuse"),
-    ("src/transport/bsdf/interface.rs", "a model that devices refuse"),
-    ("src/transport/bsdf/plastic.rs", "a model that devices refuse"),
     ("src/transport/camera/mod.rs", "nothing but names"),
+    ("src/transport/delay/mod.rs", "a part of films with a time axis, which devices refuse"),
+    ("src/transport/delay/profile.rs", "a part of films with a time axis, which devices refuse"),
+    ("src/transport/flight.rs", "a part of films with a time axis, which devices refuse"),
     ("src/transport/integrator/mod.rs", "the table of integrators"),
     ("src/transport/integrator/oracle/mod.rs", "the slow judge of weights"),
     ("src/transport/integrator/oracle/path.rs", "the slow judge of weights"),
     ("src/transport/integrator/oracle/split.rs", "the slow judge of weights"),
     ("src/transport/light/select.rs", "weights of lights become a table on the host"),
     ("src/transport/sampler/sobol_tests.rs", "tests"),
+    ("src/transport/timing.rs", "the words of scripts"),
 ];
 
 /// Every shader below a folder of `shaders/`.
@@ -54,7 +52,7 @@ fn every_twin_lies_where_its_original_lies_and_names_it() {
         let alone = ALONE.iter().find(|(name, _)| *name == shader).map(|(_, original)| (*original).to_owned());
         let original = alone.unwrap_or_else(|| format!("src/{}", shader.replace(".glsl", ".rs")));
         assert!(first.contains(&original), "shaders/{shader} does not name {original} in its first line");
-        assert!(original == "glam" || root().join(&original).is_file(), "shaders/{shader} has no original {original}");
+        assert!(root().join(&original).is_file(), "shaders/{shader} has no original {original}");
     }
 }
 

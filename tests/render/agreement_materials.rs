@@ -63,7 +63,8 @@ fn light_from_the_rim_of_a_sphere_has_a_weight() {
     let camera = &Camera::new(&scene.camera, [SIDE as u32; 2], FilterSpec::PIXEL);
     let settings = &Settings::new(&Params::new());
     let trace = &accel;
-    let context = Context { scene, camera, lights: &lights, trace, max_depth: 6, rr_start: None, settings };
+    let context =
+        Context { scene, camera, lights: &lights, trace, max_depth: 6, rr_start: None, settings, timing: None };
     let mut sampler = Sampler::new(3016, [7, 5], 15207);
     let mut found = 0;
     bdpt::each(&context, [7, 5], &mut sampler, &mut Subpaths::default(), &mut |f| {

@@ -290,7 +290,7 @@ fn from_light(context: &Context, _: [u32; 2], sampler: &mut Sampler, sink: &mut 
         let Some(c) = context.camera.connect(position, sampler.next_2d(), sampler.next_2d()) else { return };
         if vertex::visible(context.trace, position, n, c.lens, Vec3::ZERO) {
             let value = value(-c.dir) * c.dir.dot(n).abs() * c.importance;
-            sink(Contribution { pixel: c.pixel, value, unweighted: value, s, t: 1 });
+            sink(Contribution { pixel: c.pixel, value, unweighted: value, s, t: 1, length: 0.0 });
         }
     };
     // Lambertian light, one-sided.

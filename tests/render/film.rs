@@ -19,25 +19,25 @@ pub const SIZE: [u32; 2] = [23, 11];
 /// Brings some light to the sample's own pixel and three splats of very different sizes to pixels anywhere.
 pub fn scatter(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     let own = Vec3::new(sampler.next_1d(), 0.5, 2.0);
-    sink(Contribution { pixel, value: own, unweighted: own * 2.0, s: 0, t: 2 });
+    sink(Contribution { pixel, value: own, unweighted: own * 2.0, s: 0, t: 2, length: 0.0 });
     for (i, size) in [1e-6, 1.0, 3000.0].into_iter().enumerate() {
         let [u, v] = sampler.next_2d();
         let at = [(u * SIZE[0] as f32) as u32, (v * SIZE[1] as f32) as u32];
         let value = Vec3::new(1.0, u, v) * size;
-        sink(Contribution { pixel: at, value, unweighted: value * 3.0, s: 1 + i as u32, t: 1 });
+        sink(Contribution { pixel: at, value, unweighted: value * 3.0, s: 1 + i as u32, t: 1, length: 0.0 });
     }
 }
 
 /// One bad value of each kind at pixel 4, 5, sample 2.
 pub fn damaged(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     let good = Vec3::splat(sampler.next_1d());
-    sink(Contribution { pixel, value: good, unweighted: good, s: 0, t: 2 });
+    sink(Contribution { pixel, value: good, unweighted: good, s: 0, t: 2, length: 0.0 });
     if pixel == [4, 5] {
         for bad in [f32::NAN, f32::INFINITY, 2.0 * MAX_SPLAT] {
             let value = Vec3::new(0.0, bad, 0.0);
-            sink(Contribution { pixel: [0, 0], value, unweighted: value, s: 1, t: 1 });
+            sink(Contribution { pixel: [0, 0], value, unweighted: value, s: 1, t: 1, length: 0.0 });
         }
-        sink(Contribution { pixel: SIZE, value: good, unweighted: good, s: 1, t: 1 });
+        sink(Contribution { pixel: SIZE, value: good, unweighted: good, s: 1, t: 1, length: 0.0 });
     }
 }
 

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use lumbre::math::warp::uniform_sphere;
 use lumbre::render::cpu::accel::Accel;
 use lumbre::render::cpu::lanes::Isa;
+use lumbre::render::hierarchy::AccelSpec;
 use lumbre::scene::CompiledScene;
 use lumbre::transport::ray::{Hit, Ray};
 
@@ -13,7 +14,7 @@ use crate::common::{SceneBuilder, WHITE, grey};
 use crate::intersection::{brute_force, numbers, point, soup};
 
 /// Flat sheets on top of each other, some of them twice, far from the origin.
-fn stack(offset: f32) -> Arc<CompiledScene> {
+pub fn stack(offset: f32) -> Arc<CompiledScene> {
     let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
     for i in 0..40 {
         let z = offset + (i / 2) as f32 * 0.125;
@@ -38,7 +39,7 @@ fn few(count: u32) -> Arc<CompiledScene> {
 }
 
 /// Rays into a scene about `center`: any, along an axis, within a plane, at corners, and ones that are no rays.
-fn rays(scene: &CompiledScene, center: Vec3, seed: u32) -> Vec<Ray> {
+pub fn rays(scene: &CompiledScene, center: Vec3, seed: u32) -> Vec<Ray> {
     let mut next = numbers(seed);
     let mut rays: Vec<Ray> = (0..3000)
         .map(|i| {
@@ -76,7 +77,9 @@ fn hits_have_the_same_bits_with_every_set_of_instructions() {
     let small = [0, 1, 5, 8, 9, 16, 17].map(|n| (few(n), Vec3::ZERO));
     let mut hits = 0;
     for (scene, center) in scenes.into_iter().chain(small) {
-        let accels = Isa::available().iter().map(|isa| Accel::build_for(Arc::clone(&scene), *isa).unwrap());
+        let accels = Isa::available()
+            .iter()
+            .map(|isa| Accel::build_as(Arc::clone(&scene), &AccelSpec::default(), *isa).unwrap());
         let accels: Vec<Accel> = accels.collect();
         for ray in rays(&scene, center, 5) {
             let expected = accels[0].closest(&ray, f32::INFINITY);

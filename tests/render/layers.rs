@@ -84,7 +84,7 @@ fn depths_and_strategies_add_up_to_the_picture() {
         let plain = rendered(&scene, with(name, &[], 5, 7), &[8]);
         let renderer = rendered(&scene, with(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7), &[3, 5]);
         assert_eq!(renderer.film(), plain.film(), "{name}: layers change nothing");
-        assert!(plain.layers().is_empty() && plain.layer(0).is_none());
+        assert!(plain.layers().is_empty() && plain.layer(0).is_err());
         adds_up(&renderer);
         let films = films(&renderer);
         let (_, bounces) = films.iter().find(|(film, _)| film.layer == Layer::Bounces).unwrap();
@@ -120,7 +120,7 @@ fn splats_add_up_too_and_have_the_same_bits_for_any_threads_and_waves() {
 fn half_damaged(_: &Context, pixel: [u32; 2], _: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     for (t, value) in [(2, 1.0), (3, if pixel[0] < 5 && pixel[1] < 5 { f32::NAN } else { 2.0 })] {
         let value = Vec3::splat(value);
-        sink(Contribution { pixel, value, unweighted: value, s: 0, t });
+        sink(Contribution { pixel, value, unweighted: value, s: 0, t, length: 0.0 });
     }
 }
 

@@ -47,6 +47,7 @@ fn check(
         max_depth,
         rr_start: None,
         settings: &settings,
+        timing: None,
     };
     oracle::check(&context, samples, seed)
 }

@@ -73,7 +73,7 @@ fn mapped(n: Vec3) -> MaterialDesc {
 /// The surface at barycentric weights of a triangle, seen from `+z`.
 fn at(scene: &CompiledScene, primitive: u32, uv: [f32; 2]) -> Surface<'_> {
     let ray = Ray { origin: Vec3::new(0.1, 0.1, 3.0), dir: Vec3::NEG_Z };
-    Surface::at(scene, &ray, &Hit { t: 3.0, primitive, uv })
+    Surface::at(scene, &ray, &Hit { t: 3.0, primitive, instance: NONE, uv })
 }
 
 const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];

@@ -1,6 +1,7 @@
 //! The scenes in `scenes/`: they load without a note, and their lights and cameras look the right way.
 
 use glam::Vec3;
+use lumbre::scene::compile::NONE;
 use lumbre::scene::load::load;
 use lumbre::scene::{CompiledScene, SceneDesc, compile};
 
@@ -130,7 +131,7 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
     let row = |name: &str| desc.material_row(name).unwrap() as u32;
     for (lamp, axis) in [("floor_light", Vec3::Y), ("spot_light", Vec3::new(-1.2, -0.8, 0.5))] {
         let light: Vec<u32> =
-            scene.emitters.iter().map(|e| e.primitive).filter(|p| scene.material_of(*p) == row(lamp)).collect();
+            scene.emitters.iter().map(|e| e.primitive).filter(|p| scene.material_of(*p, NONE) == row(lamp)).collect();
         assert!(!light.is_empty());
         for &p in &light {
             let normal = front(&scene, p);
@@ -140,7 +141,7 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
             assert!(t < (middle - camera).length() - 1e-3 || front(&scene, seen as u32).dot(middle - camera) > 0.0);
             assert_ne!(seen, p as usize, "{lamp} is hidden from the camera");
             let (first, _) = nearest(&scene, middle, normal).unwrap();
-            let far = scene.material_of(first as u32);
+            let far = scene.material_of(first as u32, NONE);
             assert!(far == row("ceiling") || far == row("egg"), "{lamp} reaches {}", desc.materials[far as usize].name);
         }
     }
@@ -155,7 +156,7 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
         }
     }
     let (seen, _) = nearest(&scene, camera, (Vec3::new(0.1, 0.88, -0.1) - camera).normalize_or(Vec3::Z)).unwrap();
-    assert_eq!(scene.material_of(seen as u32), row("egg"), "the camera sees the egg");
+    assert_eq!(scene.material_of(seen as u32, NONE), row("egg"), "the camera sees the egg");
 }
 
 #[test]
@@ -168,7 +169,7 @@ fn the_studio_faces_its_ball_and_the_leaves_are_cut_out() {
         let [a, ..] = scene.triangles[i as usize];
         let inwards = front(&scene, i).dot(ball.center - a) > 0.0;
         // All but the pedestal, which stands below the ball and looks outwards.
-        let base = desc.materials[scene.material_of(i) as usize].name == "base";
+        let base = desc.materials[scene.material_of(i, NONE) as usize].name == "base";
         assert!(base || inwards, "triangle {i}");
         let axis = Vec3::new(0.0, a.y, 0.0);
         assert!(!base || front(&scene, i).dot(a - axis) > -1e-6 || front(&scene, i).y > 0.0, "triangle {i}");

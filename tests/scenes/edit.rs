@@ -140,6 +140,8 @@ fn other_value(path: &str) -> Value {
             Ty::Nums { len, .. } => nums(&[0.25, 0.75, 0.125][..len]),
             Ty::Word(words) => words[1].into(),
             Ty::Bool => Value::Bool(true),
+            Ty::List(Ty::Str) => Value::List(vec!["lamp".into()]),
+            Ty::List(_) => nums(&[0.25, 0.75]),
             _ => Value::Num(0.375),
         };
     }

@@ -44,6 +44,8 @@ pub(super) fn rendered(desc: &SceneDesc, resolution: [u32; 2], max_depth: u32, s
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
+        accel: Default::default(),
         sampler: SOBOL,
         seed: 7,
         threads: 0,

@@ -51,7 +51,7 @@ fn every_scn_of_the_collection_loads_and_compiles() {
             }
         }
         for e in &scene.emitters {
-            let material = scene.materials[scene.material_of(e.primitive) as usize];
+            let material = scene.materials[scene.material_of(e.primitive, NONE) as usize];
             assert!(e.area > 0.0 && material.emission.max_element() > 0.0 && !material.emitter_reflects);
         }
     }

@@ -3,6 +3,8 @@
 use lumbre::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{StopRule, WaveRow};
+use lumbre::render::hierarchy::{AccelSpec, Builder};
+use lumbre::scene::compile::Sharing;
 use lumbre::script::{Script, ScriptError};
 use lumbre::transport::camera::FilterKind;
 use lumbre::value::Value;
@@ -103,6 +105,23 @@ end }";
 }
 
 #[test]
+fn references_have_the_usual_hierarchy_whatever_the_cell_has() {
+    let table = "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth,
+      accel = { builder = \"sah\", bins = 8, instances = \"always\" } }";
+    let folder = Folder::new(edited(TABLE, table));
+    let script = folder.load().unwrap();
+    let accel = script.render(&point(3)).unwrap().accel;
+    assert_eq!((accel.builder, accel.bins, accel.instances), (Builder::Sah, 8, Sharing::Always));
+    let Some(ReferenceRequest::Render { config, .. }) = script.reference(&point(3)).unwrap() else {
+        panic!("a rendered reference")
+    };
+    assert_eq!(config.accel, AccelSpec::default());
+    let (_folder, script) = load("max_depth = p.depth", "max_depth = p.depth, accel = { builder = \"bvh\" }");
+    let e = script_error(script.render(&point(3)));
+    assert!(e.to_string().contains("accel.builder"), "{e}");
+}
+
+#[test]
 fn wrong_overrides_are_blamed_on_who_wrote_them() {
     let from =
         |body: &str| format!("x:reference {{ stop = stop.samples(64), from = function(p)\n  return {body}\nend }}");
@@ -126,11 +145,14 @@ fn images_may_be_references() {
     assert_eq!(e.line(), Some(6));
     folder.put("truth.exr", "");
     let found = script.reference(&point(3)).unwrap();
-    assert_eq!(found, Some(ReferenceRequest::File(folder.path("truth.exr"))));
+    assert_eq!(found, Some(ReferenceRequest::File { file: folder.path("truth.exr"), source: String::new() }));
     let by_point = "x:reference { image = function(p) return \"truth_\" .. p.depth .. \".exr\" end }";
     let (folder, script) = load(REFERENCE, by_point);
     folder.put("truth_3.exr", "");
-    assert_eq!(script.reference(&point(3)).unwrap(), Some(ReferenceRequest::File(folder.path("truth_3.exr"))));
+    assert_eq!(
+        script.reference(&point(3)).unwrap(),
+        Some(ReferenceRequest::File { file: folder.path("truth_3.exr"), source: String::new() })
+    );
     assert!(script.reference(&point(4)).is_err());
     let (_folder, script) = load(REFERENCE, "");
     assert_eq!(script.reference(&point(3)).unwrap(), None);
@@ -234,4 +256,42 @@ fn points_know_only_their_axes() {
         "  local n = 0; for k, v in pairs(p) do assert(k == \"depth\" and v == 2); n = n + 1 end; assert(n == 1)\n  return { scene",
     );
     assert!(script.render(&point(2)).is_ok());
+}
+
+#[test]
+fn the_end_of_a_reference_may_depend_on_the_point() {
+    let stop = "x:reference { stop = function(p)\n  return stop.samples(64 * p.depth)\nend }";
+    let (_folder, script) = load(REFERENCE, stop);
+    let Some(ReferenceRequest::Render { stop, .. }) = script.reference(&point(3)).unwrap() else { panic!("rendered") };
+    assert_eq!(stop, StopRule::Samples(192));
+    let (_folder, script) = load(REFERENCE, "x:reference { stop = function(p)\n  return 7\nend }");
+    let e = script_error(script.reference(&point(3)));
+    assert!(e.to_string().contains("reference.stop: the function returned an integer"), "{e}");
+    assert_eq!(e.line(), Some(6));
+    let (_folder, script) =
+        load(REFERENCE, "x:reference { stop = function(p)\n  return stop.when(\"rmse\", \"<\", 1)\nend }");
+    let e = script_error(script.reference(&point(3)));
+    assert!(e.to_string().contains("a reference is not measured against anything"), "{e}");
+    assert_eq!(e.line(), Some(7));
+}
+
+#[test]
+fn a_function_chooses_what_the_control_doubles() {
+    let (_folder, script) = load(REFERENCE, "x:control(function(p) return p.depth > 3 end)");
+    assert_eq!((script.control(&point(3)).unwrap(), script.control(&point(4)).unwrap()), (Some(false), Some(true)));
+    let (_folder, script) = load(REFERENCE, "x:control()");
+    assert_eq!(script.control(&point(3)).unwrap(), None, "the plan chooses");
+    let (_folder, script) = load(REFERENCE, "x:control(function(p) return 7 end)");
+    assert!(script_error(script.control(&point(3))).to_string().contains("control: the function returned an integer"));
+}
+
+#[test]
+fn a_plateau_is_a_rule_about_a_column() {
+    let text = edited("x:stop(stop.samples(16))", "x:stop(stop.plateau(\"rmse\", { slope = -0.2, over = 8 }))");
+    let script = Folder::new(text).load().unwrap();
+    let expected = StopRule::Plateau { column: "rmse".to_owned(), exponent: -0.2, over: 8.0, p: 0.01 };
+    assert_eq!(script.stop(&point(3)).unwrap(), expected);
+    let unknown = edited("x:stop(stop.samples(16))", "x:stop(stop.plateau(\"rsme\"))");
+    let e = Folder::new(unknown).load().unwrap_err();
+    assert!(e.to_string().contains("stop.plateau") && e.to_string().contains("rsme"), "{e}");
 }

@@ -1,6 +1,6 @@
 //! What a right script becomes.
 
-use lumbre::experiment::spec::{FigureX, Snapshots, TableFormat, TableValue};
+use lumbre::experiment::spec::{FigureX, Order, Snapshots, TableFormat, TableValue, Warmup};
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::script::Script;
 use lumbre::value::Value;
@@ -124,4 +124,29 @@ fn the_first_script_of_the_readme_is_right() {
     assert_eq!(script.spec.axes.iter().map(|a| a.steps.len()).product::<usize>(), 4);
     assert_eq!(script.spec.figures.len(), 1);
     assert!(script.spec.tables.len() >= 2);
+}
+
+#[test]
+fn order_warm_up_and_control_are_kept() {
+    let with = |options: &str, more: &str| {
+        let head = format!(", {{ seed = 1, repeats = 2, {options} }}");
+        load(&edited(", { seed = 1, repeats = 2 }", &head).replace("return x", &format!("{more}\nreturn x"))).spec
+    };
+    let plain = with("", "");
+    assert_eq!((plain.night.order, plain.night.warmup, plain.control), (Order::Sequential, None, false));
+    let spec = with("order = \"interleave\", warmup = { time = \"500ms\" }", "x:control()");
+    assert_eq!((spec.night.order, spec.night.warmup, spec.control), (Order::Interleave, Some(Warmup::Time(0.5)), true));
+    let spec = with("order = \"shuffled\", warmup = { samples = 8 }", "");
+    assert_eq!((spec.night.order, spec.night.warmup), (Order::Shuffled, Some(Warmup::Samples(8))));
+    let wrong = [
+        ("order = \"random\"", "shuffled"),
+        ("warmup = {}", "it says neither `time` nor `samples`"),
+        ("warmup = { time = 1, samples = 2 }", "exclude each other"),
+        ("warmup = { time = 0 }", "a time above 0"),
+    ];
+    for (options, said) in wrong {
+        let text = edited(", { seed = 1, repeats = 2 }", &format!(", {{ {options} }}"));
+        let error = Folder::new(text).load().unwrap_err();
+        assert!(error.to_string().contains(said) || format!("{error:?}").contains(said), "{options}: {error:?}");
+    }
 }

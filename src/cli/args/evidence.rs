@@ -82,6 +82,37 @@ pub struct ReportArgs {
     pub heat: Option<[String; 2]>,
 }
 
+/// `lumbre trace`.
+#[derive(Args, Debug)]
+pub struct TraceArgs {
+    /// The scene, or a run's folder
+    pub file: PathBuf,
+    /// Column and row, from the top left
+    #[arg(long, value_name = "X,Y", value_parser = crate::cli::trace::pixel)]
+    pub pixel: [u32; 2],
+    /// Index of the sample, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub sample: u64,
+    /// The technique, for a scene
+    #[arg(long, value_name = "NAME", default_value = "nee")]
+    pub integrator: String,
+    /// The sampler, for a scene
+    #[arg(long, value_name = "NAME", default_value = "independent")]
+    pub sampler: String,
+    /// The seed, for a scene
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Greatest number of path edges, for a scene [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub depth: Option<u32>,
+    /// Width and height, for a scene [default: the scene's]
+    #[arg(long, value_name = "WxH", value_parser = crate::cli::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `lumbre reproduce`.
 #[derive(Args, Debug)]
 pub struct ReproduceArgs {
@@ -131,4 +162,36 @@ fn positive_f64(text: &str) -> Result<f64, String> {
 fn positive(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
     number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
+}
+
+/// `lumbre view`.
+#[derive(Args, Debug)]
+pub struct ViewArgs {
+    /// The run: its folder, or the first digits of its id
+    pub run: String,
+    /// Show the bins that hold these optical lengths: `4.6,6.4`
+    #[arg(long, value_name = "LENGTH,..", value_delimiter = ',', allow_negative_numbers = true)]
+    pub at: Vec<f64>,
+    /// Draw the curve of this pixel; give it again for more
+    #[arg(long, value_name = "X,Y", value_parser = numbers::<2>)]
+    pub pixel: Vec<[u32; 2]>,
+    /// Draw the curve of the pixels from X,Y up to before X,Y; give it again for more
+    #[arg(long, value_name = "X,Y,X,Y", value_parser = numbers::<4>)]
+    pub region: Vec<[u32; 4]>,
+    /// Draw the streaks through this column and row instead of those in the middle
+    #[arg(long, value_name = "X,Y", value_parser = numbers::<2>)]
+    pub through: Option<[u32; 2]>,
+    /// Write frames as EXR too, and without --at all of them
+    #[arg(long)]
+    pub exr: bool,
+    /// Where the files go; `view-` and the run's id without it
+    #[arg(long, value_name = "DIR")]
+    pub to: Option<PathBuf>,
+}
+
+/// So many whole numbers with commas between them.
+fn numbers<const N: usize>(text: &str) -> Result<[u32; N], String> {
+    let parts: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let wrong = || format!("expected {N} whole numbers with commas between them");
+    parts.map_err(|_| wrong())?.try_into().map_err(|_| wrong())
 }

@@ -1,14 +1,16 @@
 //! What can be typed.
 
+mod cluster;
 mod evidence;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs};
+pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, TraceArgs, ViewArgs};
 
-use crate::experiment::spec::Deadline;
+use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
 use crate::value::Value;
 
@@ -96,6 +98,16 @@ pub enum Verb {
     /// `lumbre run` tries failed cells again too, along with everything else that is not done. `lumbre retry --failed`
     /// tries nothing else.
     Retry(RetryArgs),
+    /// Take part in a night whose plan is frozen: one worker, on any machine that sees its folder
+    ///
+    /// `lumbre run` and `lumbre submit` leave the plan in the folder of their night. A worker makes it again from there,
+    /// refuses when anything in it changed, takes cells that nobody works on, and leaves when all is done. Any number may
+    /// come and go; what one leaves unfinished another finishes. The last one writes tables and figures.
+    Work(WorkArgs),
+    /// Hand a night to a cluster: freeze its plan, and submit a job of many workers
+    Submit(SubmitArgs),
+    /// Take the jobs of a night back; what is finished stays, and what is not goes on when it is submitted again
+    Cancel(CancelArgs),
     /// Say why a run would be rendered again, or why it would not
     ///
     /// Names the field in which its identity differs from what the script asks for now, the file that is damaged or
@@ -165,6 +177,16 @@ pub enum Verb {
     /// of the picture), equal within noise (with the p-value), or differs here (with the place and a map). Times are not
     /// compared. Exit code 5 says that a picture differs.
     Reproduce(ReproduceArgs),
+    /// Say what one sample of one pixel does, step by step: rays, the vertices where they end, and the light it brings
+    ///
+    /// FILE is a scene, rendered as the options say, or a run's folder, whose `config.json` says how. The steps are the
+    /// same on every backend but for rounding; --backend chooses.
+    Trace(TraceArgs),
+    /// Look into the time axis of a run: frames, animations, streaks, curves and arrival
+    ///
+    /// Draws them anew from the arrays that a finished run with `film = { time = .. }` has left, for the moments, pixels
+    /// and regions that are asked for, into a folder. The last line of the output makes a video of them with ffmpeg.
+    View(ViewArgs),
     /// Print completions for a shell
     ///
     /// For example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
@@ -174,6 +196,9 @@ pub enum Verb {
     },
     /// Print the manual page (roff; read it with `lumbre man | man -l -`)
     Man,
+    /// Render for another process of this program, which asks through a pipe
+    #[command(hide = true)]
+    Worker,
 }
 
 /// A script and how it is narrowed.
@@ -395,6 +420,9 @@ pub struct VerifyArgs {
     /// With --kill: processes that work on each night at once
     #[arg(long, value_name = "N", default_value_t = 1, requires = "kill", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub processes: u32,
+    /// With --kill: the order of the cells of each night
+    #[arg(long, value_name = "ORDER", default_value = Order::NAMES[0], requires = "kill", value_parser = Order::NAMES)]
+    pub order: String,
     /// Seed of all random numbers; each seed repeats to the bit
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -420,6 +448,10 @@ pub struct BenchArgs {
     /// Height of the pictures with `--backend`
     #[arg(long, value_name = "PIXELS", default_value_t = 720, value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub height: u32,
+    /// Rehearse a night of 10,000 cells over 1,000 workers with failures instead, in virtual time but with real claims in a
+    /// real folder below --out
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend"])]
+    pub cluster_sim: bool,
     /// Measure rays through the hierarchy and nothing else
     #[arg(long, conflicts_with = "mpaths")]
     pub traversal: bool,

@@ -34,6 +34,8 @@ pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> 
         rr_start: config.rr_start,
         filter: config.filter,
         layers: Vec::new(),
+        accel: config.accel,
+        timing: None,
         sampler: sampler(&config.sampler).ok_or("no such sampler")?,
         seed: cell.seed,
         threads,

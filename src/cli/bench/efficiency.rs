@@ -15,6 +15,7 @@ use serde_json::{Value as Json, json};
 
 use crate::film::Film;
 use crate::math::stats::median;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, backend};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -65,7 +66,9 @@ pub fn measure(
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
+        accel: AccelSpec::default(),
         seed: 1,
         threads,
     };

@@ -2,6 +2,7 @@
 
 mod backends;
 mod checkpoint;
+mod cluster;
 mod efficiency;
 mod metrics;
 mod night;
@@ -16,8 +17,10 @@ use serde_json::{Value as Json, json};
 
 use crate::cli::args::BenchArgs;
 use crate::cli::builtin::{BuiltIn, short};
+use crate::cli::doctor;
 use crate::math::stats::median;
 use crate::render::cpu::lanes::Isa;
+use crate::store::Host;
 
 /// Starts of the program whose median is reported.
 const STARTS: usize = 11;
@@ -61,11 +64,21 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         rows.push(rates::measure(name, file, threads, repeats, [!args.mpaths, !args.traversal])?);
     }
     let isa = Isa::detect().name();
-    let mut text = format!("instructions: {isa}\n\n{}", rates::table(&rows));
+    let (host, features) = (Host::here(), doctor::cpu_features());
+    let mut text = format!(
+        "processor: {}, {} cores, with {}\ninstructions of rays: {isa}\n\n{}",
+        host.cpu,
+        host.cores,
+        features.join(" "),
+        rates::table(&rows)
+    );
     let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads },
         "repeats": repeats,
+        "processor": host.cpu,
+        "cores": host.cores,
+        "features": features,
         "instructions": isa,
         "relative_rmse": efficiency::RELATIVE_RMSE,
         "scenes": rows.iter().map(rates::Row::to_json).collect::<Vec<_>>(),
@@ -96,6 +109,17 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         json["share_outside_advance"] = outside.into();
     }
     Ok(Report { json, text })
+}
+
+/// Rehearses a night of many workers in a folder instead.
+///
+/// # Errors
+/// When files cannot be written there, with a message for people.
+pub fn cluster(out: &std::path::Path, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
+    say("rehearsing 10,000 cells over 1,000 workers");
+    let found = cluster::Cluster::measure(out)?;
+    let json = json!({ "version": env!("CARGO_PKG_VERSION"), "cluster": found.to_json() });
+    Ok(Report { text: found.table(), json })
 }
 
 /// Measures backends side by side instead.

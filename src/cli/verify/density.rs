@@ -62,6 +62,7 @@ fn report(scene: &Arc<CompiledScene>, technique: &Technique, samples: u64, seed:
         max_depth: scene.max_depth,
         rr_start: None,
         settings: &Settings::new(&technique.params),
+        timing: None,
     };
     Ok(oracle::check(&context, samples, seed))
 }

@@ -110,11 +110,12 @@ const KINDS: &[Kind] = &[
 /// Kills nights and says what became of them.
 fn killed(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
     let start = Instant::now();
-    let found = kill::check(kills, args.processes, args.seed, global.threads).map_err(Failure::internal)?;
+    let found =
+        kill::check(kills, args.processes, &args.order, args.seed, global.threads).map_err(Failure::internal)?;
     let passed = found.problems.is_empty();
     if args.json {
         let json = serde_json::json!({
-            "kills": found.kills, "nights": found.nights, "processes": args.processes, "checkpoints": found.checkpoints,
+            "kills": found.kills, "nights": found.nights, "processes": args.processes, "order": args.order, "checkpoints": found.checkpoints,
             "files": found.files, "problems": found.problems, "passed": passed, "seconds": start.elapsed().as_secs_f64(),
         });
         data(&format!("{json:#}\n"))?;

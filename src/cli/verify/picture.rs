@@ -9,6 +9,7 @@ use super::{Outcome, SIGNIFICANCE, Verdict};
 use crate::film::{Film, Image};
 use crate::metrics::ztest::{self, Estimate, ZTest};
 use crate::render::cpu::renderer::CpuRenderer;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -93,7 +94,9 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         rr_start: setting.rr_start,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
+        timing: None,
         sampler: INDEPENDENT,
+        accel: AccelSpec::default(),
         seed: setting.seed,
         threads: setting.threads,
     };

@@ -301,7 +301,9 @@ fn sees_glass(scene: &Arc<CompiledScene>, resolution: [u32; 2]) -> Result<Vec<bo
         (0..PROBES).any(|sample| {
             let ray = camera.sample_ray(pixel, &mut Sampler::new(0, pixel, sample));
             let hit = accel.closest(&ray, f32::INFINITY);
-            hit.is_some_and(|hit| scene.materials[scene.material_of(hit.primitive) as usize].opacity < 1.0)
+            hit.is_some_and(|hit| {
+                scene.materials[scene.material_of(hit.primitive, hit.instance) as usize].opacity < 1.0
+            })
         })
     };
     Ok(pixels.map(sees).collect())

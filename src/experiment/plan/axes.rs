@@ -18,6 +18,8 @@ pub struct Overrides {
     pub only: Vec<(String, Value)>,
     /// A backend that replaces the script's, for cells and references alike.
     pub backend: Option<String>,
+    /// Whether the plan is for other machines: backends then need not be usable on this one.
+    pub elsewhere: bool,
 }
 
 /// The axes after overrides and selections, checked.

@@ -5,6 +5,8 @@ use crate::experiment::event::CellRef;
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::Layout;
+use crate::film::time;
+use crate::transport::integrator::integrator;
 
 /// Bounds on the work of a plan. Every run is counted in exactly one of the three counts.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,7 +21,7 @@ pub struct Estimate {
     pub paths: f64,
     /// Runs whose stop rules bound neither.
     pub unbounded: usize,
-    /// The most bytes of memory that the layers of one of those runs take.
+    /// The most bytes of memory that the layers and bins of one of those runs take.
     pub layer_bytes: u64,
 }
 
@@ -46,9 +48,11 @@ impl Estimate {
         let count = u64::from(width) * u64::from(height);
         let pixels = count as f64;
         // The plan has none that is refused.
-        if let Ok(layout) = Layout::new(&config.films, config.max_depth.unwrap_or(1), count) {
-            self.layer_bytes = self.layer_bytes.max(layout.bytes());
-        }
+        let layers =
+            Layout::new(&config.films, config.max_depth.unwrap_or(1), count).map_or(0, |layout| layout.bytes());
+        let splats = integrator(&config.integrator).is_some_and(|row| row.splats);
+        let bins = config.timing.as_ref().and_then(|timing| time::bytes(&timing.axis, count, splats).ok()).unwrap_or(0);
+        self.layer_bytes = self.layer_bytes.max(layers + bins);
         match (stop.time_limit_s(), stop.sample_limit()) {
             (Some(seconds), _) => {
                 self.by_time += 1;

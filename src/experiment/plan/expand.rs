@@ -50,6 +50,8 @@ struct Builder<'a> {
     /// Stop rules that may never hold, with the number of runs that have them.
     endless: BTreeMap<String, usize>,
     unmeasured: usize,
+    /// The pictures of which one technique has its doubles already.
+    controlled: BTreeSet<RunId>,
 }
 
 impl<'a> Builder<'a> {
@@ -63,7 +65,7 @@ impl<'a> Builder<'a> {
             spec,
             hooks,
             backend: overrides.backend.as_deref(),
-            resolver: Resolver::new(load),
+            resolver: Resolver::new(load, overrides.elsewhere),
             columns: spec.measure.metrics.iter().map(|metric| metric.column.clone()).collect(),
             measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
             paths: Paths::default(),
@@ -73,6 +75,7 @@ impl<'a> Builder<'a> {
             skipped: Vec::new(),
             endless: BTreeMap::new(),
             unmeasured: 0,
+            controlled: BTreeSet::new(),
         }
     }
 
@@ -94,8 +97,24 @@ impl<'a> Builder<'a> {
         if reference.is_none() {
             self.unmeasured += self.spec.repeats as usize;
         }
-        self.add_cells(point, renderable, reference, stop);
+        let doubled = self.doubled(&renderable, &point)?;
+        self.add_cells(point, renderable, reference, stop, doubled);
         Ok(())
+    }
+
+    /// Whether the cells of a point have doubles for the A/A check.
+    fn doubled(&mut self, renderable: &Renderable, point: &Point) -> Result<bool, PlanError> {
+        if !self.spec.control {
+            return Ok(false);
+        }
+        let said = self.hooks.control(point).map_err(|e| hook("`control`", point, e))?;
+        Ok(said.unwrap_or_else(|| {
+            let mut others = renderable.picture.clone();
+            for technique in ["integrator", "sampler", "rr_start", "films"] {
+                others.remove(technique);
+            }
+            self.controlled.insert(identity::run_id(&Value::Map(others)))
+        }))
     }
 
     fn skip_reason(&self, point: &Point) -> Result<Option<String>, PlanError> {
@@ -119,9 +138,9 @@ impl<'a> Builder<'a> {
         let request = self.hooks.reference(point).map_err(|e| hook("`reference`", point, e))?;
         let reference = match request {
             None => return Ok(None),
-            Some(ReferenceRequest::File(file)) => {
+            Some(ReferenceRequest::File { file, source }) => {
                 let (id, identity) = self.resolver.reference_file(&file, point)?;
-                Reference { id, source: ReferenceSource::File(file), identity, agree: None }
+                Reference { id, source: ReferenceSource::File { file, source }, identity, agree: None }
             }
             Some(ReferenceRequest::Render { config, stop, agree }) => {
                 let seeds = identity::reference_seeds();
@@ -181,13 +200,23 @@ impl<'a> Builder<'a> {
         Ok(Reference { id: identity::run_id(&identity), source, identity, agree: None })
     }
 
-    fn add_cells(&mut self, point: Point, renderable: Renderable, reference: Option<usize>, stop: StopRule) {
+    fn add_cells(
+        &mut self,
+        point: Point,
+        renderable: Renderable,
+        reference: Option<usize>,
+        stop: StopRule,
+        doubled: bool,
+    ) {
         let base = self.paths.of(&point);
         let separator = if base.is_empty() { "" } else { "/" };
         let end = identity::cell_stop(&stop, &self.spec.script_hash, &point);
         let measure = &self.measure[usize::from(reference.is_some())];
         let truth = reference.map(|place| &self.references[place].id);
-        for repeat in 0..self.spec.repeats {
+        let repeats = self.spec.repeats;
+        // Doubles count on where the repeats end, so that a script which later asks for more repeats has them already.
+        let doubles = (0..if doubled { repeats } else { 0 }).map(|r| (repeats + r, Some(r)));
+        for (repeat, control) in (0..repeats).map(|r| (r, None)).chain(doubles) {
             let seed = identity::cell_seed(self.spec.seed, repeat);
             let run = identity::run(renderable.picture.clone(), seed, end.clone());
             let identity = identity::cell(run, measure.clone(), truth);
@@ -195,6 +224,7 @@ impl<'a> Builder<'a> {
                 id: identity::run_id(&identity),
                 point: point.clone(),
                 repeat,
+                control,
                 seed,
                 config: Arc::clone(&renderable.config),
                 scene: Arc::clone(&renderable.scene),
@@ -213,7 +243,10 @@ impl<'a> Builder<'a> {
     }
 
     fn finish(self) -> Plan {
-        let warnings = self.warnings();
+        let mut warnings = self.warnings();
+        if self.spec.control && self.cells.iter().all(|cell| cell.control.is_none()) {
+            warnings.push("x:control has no cell to check: its function chose none".to_owned());
+        }
         let mut plan = Plan {
             name: self.spec.name.clone(),
             hash: String::new(),

@@ -42,6 +42,11 @@ pub fn second_seeds() -> [u64; 2] {
     [2, 3].map(|half| derive("lumbre 1 seed of a reference", 0, half) | REFERENCE_BIT)
 }
 
+/// The seed of what is rendered before a cell's clock starts and thrown away: that of nothing else.
+pub fn warmup_seed() -> u64 {
+    derive("lumbre 1 seed of a warm-up", 0, 0) | REFERENCE_BIT
+}
+
 fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
     let mut material = [0; 12];
     material[..8].copy_from_slice(&experiment.to_le_bytes());
@@ -70,6 +75,8 @@ pub(super) fn picture(
     ]);
     let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
     let sampler = map([("name", sampler.name.into()), ("revision", Value::Int(i64::from(sampler.revision)))]);
+    // What may have been rendered by another backend than its own must not pass for what cannot.
+    let backend = if config.fallback.is_some() { "auto" } else { config.backend.as_str() };
     let whole = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
     let resolution = config.resolution.map_or(Value::Nil, |r| Value::List(r.map(|n| Value::Int(i64::from(n))).into()));
     let fields = [
@@ -81,12 +88,16 @@ pub(super) fn picture(
         ("rr_start", whole(config.rr_start)),
         ("filter", filter),
         ("sampler", sampler),
-        ("backend", config.backend.as_str().into()),
+        ("backend", backend.into()),
     ];
-    // Left out where there are none, so that runs without layers keep the ids they had before layers existed.
+    // Left out where there are none, so that runs without layers and bins keep the ids they had before these existed.
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
-    fields.into_iter().chain(films).map(|(key, value)| (key.to_owned(), value)).collect()
+    let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
+    // Left out where it is as by default, for the same reason. It changes no picture, but what a run measures.
+    let accel = config.accel.identity();
+    let accel = (!accel.is_empty()).then_some(("accel", Value::Map(accel)));
+    fields.into_iter().chain(films).chain(film).chain(accel).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// A picture with its seed and end.
@@ -190,6 +201,11 @@ fn table(table: &TableSpec) -> Value {
         TableValue::Samples => "samples".into(),
         TableValue::RenderS => "render_s".into(),
         TableValue::MpathsPerS => "mpaths_per_s".into(),
+        TableValue::MraysPerS => "mrays_per_s".into(),
+        TableValue::AccelBuildS => "accel_build_s".into(),
+        TableValue::AccelNodes => "accel_nodes".into(),
+        TableValue::AccelMib => "accel_mib".into(),
+        TableValue::AccelCost => "accel_cost".into(),
         TableValue::TimeTo { column, threshold } => {
             map([("time_to", column.as_str().into()), ("threshold", Value::number(*threshold))])
         }
@@ -231,7 +247,7 @@ mod tests {
     #[test]
     fn no_two_repeats_share_a_seed_and_no_reference_shares_one_with_a_cell() {
         let mut seeds = BTreeSet::new();
-        for seed in reference_seeds().into_iter().chain(second_seeds()) {
+        for seed in reference_seeds().into_iter().chain(second_seeds()).chain([warmup_seed()]) {
             assert!(seeds.insert(seed) && seed >= REFERENCE_BIT);
         }
         for experiment in [0, 1, 20_260_427, u64::MAX] {

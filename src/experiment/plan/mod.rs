@@ -47,6 +47,9 @@ pub struct Cell {
     pub point: Point,
     /// Number of the repeat, from 0.
     pub repeat: u32,
+    /// In the A/A check, the repeat of the same point whose double this is. Such a cell stands in no table and no figure:
+    /// see [`control`](super::control).
+    pub control: Option<u32>,
     /// Seed of all its random numbers.
     pub seed: u64,
     /// What it renders, with nothing left open: resolution and depth are the script's or else the scene's, and the
@@ -64,6 +67,13 @@ pub struct Cell {
     pub identity: crate::value::Value,
 }
 
+impl Cell {
+    /// The repeat that it belongs to: its own, or that of the cell whose double it is.
+    pub fn pair(&self) -> u32 {
+        self.control.unwrap_or(self.repeat)
+    }
+}
+
 /// A reference that cells are measured against.
 #[derive(Clone, Debug)]
 pub struct Reference {
@@ -75,6 +85,16 @@ pub struct Reference {
     pub identity: crate::value::Value,
     /// What it is compared with.
     pub agree: Option<Agree>,
+}
+
+impl Reference {
+    /// What it shares with references that differ only in when they end, if it is rendered.
+    pub fn stem(&self) -> Option<&str> {
+        match &self.source {
+            ReferenceSource::Render { stem, .. } => Some(&stem.0),
+            ReferenceSource::File { .. } => None,
+        }
+    }
 }
 
 /// The comparison of a reference with the same picture by a second technique.
@@ -102,8 +122,13 @@ pub enum ReferenceSource {
         /// When it is good enough.
         stop: StopRule,
     },
-    /// A file.
-    File(std::path::PathBuf),
+    /// A file; the hash of its content is its identity.
+    File {
+        /// The file.
+        file: std::path::PathBuf,
+        /// Who made it and how, in the script's words; empty if it does not say.
+        source: String,
+    },
 }
 
 /// A point that a skip rule left out.

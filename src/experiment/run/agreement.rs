@@ -35,6 +35,9 @@ impl Night<'_, '_> {
     /// Makes the comparisons that became possible when a reference was ready. What cannot be compared is said, and what
     /// was found counts even where nobody could record it.
     pub(super) fn compare(&mut self, place: usize) {
+        if self.options.begin.is_some() {
+            return;
+        }
         if let Err(problem) = self.comparisons(place) {
             let text = format!("its comparison could not be recorded: {problem}");
             // Whoever could not record it may not be able to hear of that either.
@@ -97,7 +100,7 @@ impl Night<'_, '_> {
     fn technique(&self, place: usize) -> String {
         match &self.plan.references[place].source {
             ReferenceSource::Render { config, .. } => format!("`{}`", config.integrator),
-            ReferenceSource::File(file) => file.display().to_string(),
+            ReferenceSource::File { file, .. } => file.display().to_string(),
         }
     }
 }

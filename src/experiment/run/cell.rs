@@ -1,24 +1,27 @@
-//! One run: open, then wave after wave until the stop rule holds, the user intervenes, or something fails.
+//! One run: open, then turn after turn until the stop rule holds, the user intervenes, or something fails.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
+use super::tries::{Broken, Try};
 use super::waves::Waves;
-use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
-use crate::experiment::spec::{CellConfig, Snapshots};
+use crate::experiment::plan::identity;
+use crate::experiment::spec::{CellConfig, Snapshots, Warmup};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
+use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
-use crate::render::{Job, Renderer, WaveStats};
-use crate::scene::{CompiledScene, SceneDesc, compile};
+use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::scene::compile::compile_sharing;
+use crate::scene::{CompiledScene, SceneDesc};
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 
@@ -26,7 +29,11 @@ use crate::transport::sampler::sampler;
 /// changes no picture, and neither which samples are measured.
 const SLICE_S: f64 = 1.0;
 
+/// The same for runs that take turns: the shorter the turns, the more alike is what they find.
+const TURN_S: f64 = 0.5;
+
 /// What a run is to render.
+#[derive(Clone)]
 pub(super) struct Work<'a> {
     pub(super) cell: CellRef,
     pub(super) config: &'a CellConfig,
@@ -44,16 +51,20 @@ pub(super) struct Ended {
     pub(super) outcome: Outcome,
     pub(super) film: Option<Arc<Film>>,
     pub(super) layers: Arc<Vec<LayerImage>>,
+    pub(super) times: Option<Arc<TimeCube>>,
     pub(super) rows: Vec<WaveRow>,
     /// Where it is a reference that is done.
     pub(super) halves: Option<[Arc<Film>; 2]>,
     /// The noise floors of what it was measured against.
     pub(super) floors: Floors,
+    /// What opening it cost.
+    pub(super) open: OpenStats,
 }
 
 impl Ended {
-    pub(super) fn cached(folder: PathBuf, rows: Vec<WaveRow>) -> Ended {
-        Ended { outcome: Outcome::Cached(folder), rows, ..Ended::failed(String::new()) }
+    pub(super) fn cached(run: FinishedRun) -> Ended {
+        let FinishedRun { folder, rows, floors, open } = run;
+        Ended { outcome: Outcome::Cached(folder), rows, floors, open, ..Ended::failed(String::new()) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
@@ -61,15 +72,19 @@ impl Ended {
             outcome: Outcome::Failed(reason),
             film: None,
             layers: Arc::default(),
+            times: None,
             rows: Vec::new(),
             halves: None,
             floors: Floors::default(),
+            open: OpenStats::default(),
         }
     }
 }
 
-/// What follows when waves no longer do.
+/// What follows a turn.
 enum Next {
+    /// Another one.
+    Turn,
     /// The run is over.
     End(Outcome),
     /// The user wants it from its first sample.
@@ -85,7 +100,7 @@ struct Resumed {
     word: Option<(Level, String)>,
 }
 
-/// A run in progress.
+/// How far a run is.
 #[derive(Default)]
 pub(super) struct Progress {
     /// Taken away when it panics: its sums can no longer be trusted.
@@ -94,135 +109,305 @@ pub(super) struct Progress {
     pub(super) kept: Kept,
 }
 
-impl Night<'_, '_> {
+/// A run in progress.
+pub(super) struct Running<'a> {
+    pub(super) work: Work<'a>,
+    progress: Progress,
+    /// There once it has begun.
+    waves: Option<Waves>,
+    /// How it is tried.
+    pub(super) how: Try,
+    /// Its layers, once it is done.
+    layers: Vec<LayerImage>,
+    /// Turns that it has had.
+    turns: u64,
+    /// When its turn began, and what its wall clock showed then.
+    turn: (Instant, f64),
+}
+
+impl<'a> Running<'a> {
+    pub(super) fn new(work: Work<'a>) -> Running<'a> {
+        let turn = (Instant::now(), 0.0);
+        let (how, layers) = (Try::default(), Vec::new());
+        Running { work, progress: Progress::default(), waves: None, how, layers, turns: 0, turn }
+    }
+
+    /// Render time so far, and turns.
+    pub(super) fn clock(&self) -> (f64, u64) {
+        (self.progress.standing.render_s(), self.turns)
+    }
+
+    /// Whether a checkpoint of this try is kept.
+    pub(super) fn is_kept(&self) -> bool {
+        self.progress.kept.any
+    }
+
+    /// Forgets what was rendered, so that the next turn begins.
+    fn rewind(&mut self) {
+        (self.progress, self.waves) = (Progress::default(), None);
+    }
+
+    fn wall_s(&self) -> f64 {
+        self.turn.1 + self.turn.0.elapsed().as_secs_f64()
+    }
+}
+
+impl<'a> Night<'a, '_> {
     /// Renders one run to its end, whatever that is.
-    pub(super) fn perform(&mut self, work: &Work<'_>) -> Ended {
-        let mut progress = Progress::default();
-        let mut anew = false;
-        let outcome = loop {
-            match self.render(work, &mut progress, anew) {
-                Ok(Next::End(outcome)) => break outcome,
-                Ok(Next::Restart) => (progress, anew) = (Progress::default(), true),
-                Err(reason) => break Outcome::Failed(reason),
+    pub(super) fn perform(&mut self, work: Work<'a>) -> Ended {
+        let mut run = Running::new(work);
+        loop {
+            if let Some(outcome) = self.turn(&mut run, true, SLICE_S) {
+                return self.ended(run, outcome);
             }
-        };
+        }
+    }
+
+    /// Renders runs to their ends in turns, and tells of each when it ends. The one whose clock is furthest behind goes
+    /// next, so that at any moment all have rendered for the same time, and what slows the machine slows all of them.
+    /// What the user says of one run is meant for the first, which the dashboard shows.
+    pub(super) fn race(&mut self, mut field: Vec<(Running<'a>, Floors)>) {
+        let slice_s = if field.len() > 1 { TURN_S } else { SLICE_S };
+        while let Some(next) = furthest_behind(&field) {
+            let Some(outcome) = self.turn(&mut field[next].0, next == 0, slice_s) else { continue };
+            let (run, floors) = field.remove(next);
+            let cell = run.work.cell;
+            let ended = self.ended(run, outcome);
+            self.finish(cell, Ended { floors, ..ended });
+            self.history.release(self.plan, cell);
+            if next == 0 {
+                // A request that came too late for this run is not meant for the next.
+                self.control.take_skip();
+                self.control.take_restart();
+            }
+        }
+    }
+
+    /// What became of a run whose turns are over.
+    fn ended(&mut self, run: Running<'_>, outcome: Outcome) -> Ended {
+        let Running { work, mut progress, layers, .. } = run;
         if outcome == Outcome::Interrupted {
             self.keep(work.cell, &mut progress);
         }
+        if let (CellRef::Reference(place), Outcome::Done(_)) = (work.cell, &outcome) {
+            self.keep_sums(place, &progress);
+        }
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
-        // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
-        let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
+        let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
-        Ended { outcome, film, layers, rows: progress.standing.rows, halves, floors: Floors::default() }
+        let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
+        let rows = progress.standing.rows;
+        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default(), open }
     }
 
-    fn render(&mut self, work: &Work<'_>, progress: &mut Progress, anew: bool) -> Result<Next, String> {
-        let started = Instant::now();
-        let scene = self.compiled(work)?;
-        let (renderer, resumed) = self.resume(work, scene, anew)?;
+    /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`.
+    fn turn(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Option<Outcome> {
+        run.turn = (Instant::now(), run.progress.standing.wall_s);
+        run.turns += 1;
+        let next = match run.waves.is_some() {
+            // Opening a large scene takes a while; nobody who wants to leave has to wait for that.
+            false if self.control.stop_requested() || self.late() => Ok(Next::End(Outcome::Interrupted)),
+            false => self.begin(run).map(|()| Next::Turn),
+            true => self.advance(run, leads, slice_s),
+        };
+        let next = next.and_then(|next| {
+            // Only what is finished is recorded.
+            if let (Next::End(Outcome::Done(_)), Some(renderer)) = (&next, &run.progress.renderer) {
+                run.layers = layer_images(renderer.as_ref())?;
+            }
+            Ok(next)
+        });
+        match next {
+            Ok(Next::Turn) => {
+                run.progress.standing.wall_s = run.wall_s();
+                None
+            }
+            Ok(Next::End(outcome)) => Some(outcome),
+            Ok(Next::Restart) => {
+                run.rewind();
+                run.how.anew = true;
+                None
+            }
+            Err(broken) => match self.try_again(run, broken) {
+                Ok(again) => {
+                    run.rewind();
+                    (!again).then_some(Outcome::Interrupted)
+                }
+                Err(reason) => Some(Outcome::Failed(reason)),
+            },
+        }
+    }
+
+    /// Opens the renderer of a run, and takes what there is of it.
+    fn begin(&mut self, run: &mut Running<'a>) -> Result<(), Broken> {
+        let work = run.work.clone();
+        let scene = self.compiled(&work)?;
+        self.warm_up(&work, &scene, &run.how)?;
+        let (renderer, resumed) = self.resume(&work, scene, &run.how)?;
         let open = renderer.open_stats().clone();
+        let progress = &mut run.progress;
         progress.renderer = Some(renderer);
         progress.standing = resumed.standing;
-        progress.kept.at_s = progress.standing.render_s();
-        let before_s = progress.standing.wall_s;
-        let wall_s = || before_s + started.elapsed().as_secs_f64();
+        progress.kept = Kept::at(progress.standing.render_s(), self.asked);
+        run.turn.1 = progress.standing.wall_s;
         let rows = resumed.goes_on.then(|| Arc::new(progress.standing.rows.clone()));
+        let mut waves = Waves::new(self.plan.measure.every_s, self.plan.measure.snapshots == Snapshots::Pow2);
+        if resumed.goes_on {
+            waves = waves.from(progress.standing.growth);
+        }
+        run.waves = Some(waves);
         let reference = work.reference.clone();
         self.emit(&Event::CellStarted { cell: work.cell, open, reference, resumed: rows })?;
         if let Some((level, text)) = resumed.word {
             self.say(level, work.cell, text)?;
         }
+        Ok(())
+    }
+
+    /// Goes on with the wave in progress or begins the next, for as long as one slice takes; what then is a whole wave
+    /// is measured.
+    fn advance(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Result<Next, Broken> {
+        let cell = run.work.cell;
         let plan = self.plan;
-        let columns = plan.columns();
-        let mut waves = Waves::new(plan.measure.every_s, plan.measure.snapshots == Snapshots::Pow2);
-        if resumed.goes_on {
-            waves = waves.from(progress.standing.growth);
+        let standing = &mut run.progress.standing;
+        if standing.between_waves() {
+            let rows = &standing.rows;
+            // Also asked of what an earlier process measured last, which may have been cut off before it asked.
+            if !rows.is_empty()
+                && let Some(reason) = self.stops(run.work.stop, rows)?
+            {
+                return Ok(Next::End(Outcome::Done(reason)));
+            }
+            let Some(waves) = &mut run.waves else { return Err("the run has not begun".to_owned().into()) };
+            standing.left = waves.next(rows, run.work.stop);
+            standing.growth = waves.size;
         }
-        let slice_s = plan.night.checkpoint_s.map_or(SLICE_S, |every_s| every_s.min(SLICE_S));
+        if standing.left > 0 {
+            run.progress.standing.wall_s = run.wall_s();
+            let progress = &mut run.progress;
+            if let Some(next) = self.obey(cell, &progress.standing, leads)? {
+                return Ok(next);
+            }
+            let slice_s = plan.night.checkpoint_s.map_or(slice_s, |every_s| every_s.min(slice_s));
+            let stats = advance(&mut progress.renderer, slice(&progress.standing, slice_s))?;
+            let first = stats.invalid > 0
+                && progress.standing.part.invalid == 0
+                && progress.standing.rows.iter().all(|row| row.invalid == 0);
+            progress.standing.count(&stats);
+            if first {
+                self.say(Level::Warn, cell, invalid_words(&progress.standing))?;
+            }
+            run.progress.standing.wall_s = run.wall_s();
+            self.keep_if_due(cell, &mut run.progress);
+        }
+        if run.progress.standing.left == 0 {
+            self.close_wave(run)?;
+        }
+        Ok(Next::Turn)
+    }
+
+    /// Why a run with these measurements is finished, if it is.
+    pub(super) fn stops(&self, rule: &StopRule, rows: &[WaveRow]) -> Result<Option<String>, String> {
+        let columns = self.plan.columns();
+        let mut ask = |id| self.hooks.predicate(id, &columns, rows);
+        rule.check(rows, &self.plan.measure.metrics, &mut ask).map_err(|e| e.to_string())
+    }
+
+    /// Measures a whole wave.
+    fn close_wave(&mut self, run: &mut Running<'a>) -> Result<(), String> {
+        let Some(renderer) = &run.progress.renderer else { return Err("the renderer is gone".to_owned()) };
+        let measuring = Instant::now();
+        let image = Arc::new(renderer.film().mean());
+        let metrics = self.measure(&image, run.work.reference.as_deref())?;
+        let measure_s = measuring.elapsed().as_secs_f64();
+        let wall_s = run.wall_s();
+        let standing = &mut run.progress.standing;
+        let before_s = standing.rows.last().map_or(0.0, |row| row.measure_s);
+        let row = WaveRow { wall_s, measure_s: before_s + measure_s, metrics, ..standing.close_wave() };
+        let pow2 = row.samples.is_power_of_two();
+        standing.rows.push(row.clone());
+        self.emit(&Event::Wave { cell: run.work.cell, row, measure_s, image, pow2 })
+    }
+
+    /// Renders what a cell of the plan has before its clock starts, and throws it away.
+    fn warm_up(&mut self, work: &Work<'a>, scene: &Arc<CompiledScene>, how: &Try) -> Result<(), Broken> {
+        let (Some(warmup), CellRef::Cell(_)) = (self.plan.night.warmup, work.cell) else { return Ok(()) };
+        let seeds = [identity::warmup_seed()];
+        let work = Work { seeds: &seeds, ..work.clone() };
+        let mut renderer = Some(self.open(&work, Arc::clone(scene), how.backend)?);
+        let mut done = WaveStats::default();
         loop {
-            let standing = &mut progress.standing;
-            if standing.between_waves() {
-                let hooks = self.hooks;
-                let rows = &standing.rows;
-                let mut ask = |id| hooks.predicate(id, &columns, rows);
-                // Also asked of what an earlier process measured last, which may have been cut off before it asked.
-                if !rows.is_empty()
-                    && let Some(reason) = work.stop.check(rows, &columns, &mut ask).map_err(|e| e.to_string())?
-                {
-                    return Ok(Next::End(Outcome::Done(reason)));
+            let rate = done.samples as f64 / done.render_s;
+            let most = if rate.is_finite() { ((SLICE_S * rate) as u64).max(1) } else { 1 };
+            let next = match warmup {
+                Warmup::Time(seconds) if done.render_s < seconds => {
+                    most.min(((seconds - done.render_s) * rate) as u64 + 1)
                 }
-                standing.left = waves.next(rows, work.stop);
-                standing.growth = waves.size;
+                Warmup::Samples(samples) => most.min(samples.saturating_sub(done.samples)),
+                Warmup::Time(_) => 0,
+            };
+            if next == 0 || self.control.stop_requested() || self.late() {
+                break;
             }
-            while progress.standing.left > 0 {
-                progress.standing.wall_s = wall_s();
-                if let Some(next) = self.obey(work.cell, &progress.standing)? {
-                    return Ok(next);
-                }
-                let stats = advance(&mut progress.renderer, slice(&progress.standing, slice_s))?;
-                let first = stats.invalid > 0
-                    && progress.standing.part.invalid == 0
-                    && progress.standing.rows.iter().all(|row| row.invalid == 0);
-                progress.standing.count(&stats);
-                if first {
-                    self.say(Level::Warn, work.cell, invalid_words(&progress.standing))?;
-                }
-                progress.standing.wall_s = wall_s();
-                self.keep_if_due(work.cell, progress);
-            }
-            let Some(renderer) = &progress.renderer else { return Err("the renderer is gone".to_owned()) };
-            let measuring = Instant::now();
-            let image = Arc::new(renderer.film().mean());
-            let metrics = self.measure(&image, work.reference.as_deref())?;
-            let measure_s = measuring.elapsed().as_secs_f64();
-            let before_s = progress.standing.rows.last().map_or(0.0, |row| row.measure_s);
-            let measured_s = before_s + measure_s;
-            let row = WaveRow { wall_s: wall_s(), measure_s: measured_s, metrics, ..progress.standing.close_wave() };
-            let pow2 = row.samples.is_power_of_two();
-            progress.standing.rows.push(row.clone());
-            self.emit(&Event::Wave { cell: work.cell, row, measure_s, image, pow2 })?;
+            done.add(&advance(&mut renderer, next)?);
         }
+        guard("closing the backend", || drop(renderer))?;
+        let text = format!(
+            "warmed up for {:.2} s with {} samples per pixel, which are thrown away",
+            done.render_s, done.samples
+        );
+        Ok(self.say(Level::Info, work.cell, text)?)
     }
 
     /// Opens the renderer of a run, and goes on from its checkpoint if there is one that fits, unless it is to be
-    /// rendered `anew`.
+    /// rendered anew.
     fn resume(
         &mut self,
-        work: &Work<'_>,
+        work: &Work<'a>,
         scene: Arc<CompiledScene>,
-        anew: bool,
-    ) -> Result<(Box<dyn Renderer>, Resumed), String> {
-        let mut renderer = self.open(work, Arc::clone(&scene))?;
-        let checkpoint = if anew { None } else { self.history.checkpoint(self.plan, work.cell) };
-        let Some(checkpoint) = checkpoint else {
-            return Ok((renderer, Resumed::default()));
+        how: &Try,
+    ) -> Result<(Box<dyn Renderer>, Resumed), Broken> {
+        let mut renderer = self.open(work, Arc::clone(&scene), how.backend)?;
+        let own = if how.anew { None } else { self.history.checkpoint(self.plan, work.cell) };
+        let (checkpoint, word) = match own {
+            Some(own) => (own, "goes on from its checkpoint after"),
+            None => match self.beginning(work).filter(|_| !how.anew) {
+                Some(shorter) => (shorter, "goes on from a shorter reference after"),
+                None => return Ok((renderer, Resumed::default())),
+            },
         };
         let taken = guard("reading a checkpoint", || renderer.restore(&checkpoint.state));
+        if let Ok(Err(lost @ RenderError::Lost { .. })) = taken {
+            return Err(lost.into());
+        }
         if let Err(problem) = taken.and_then(|taken| taken.map_err(|e| e.to_string())) {
             drop(renderer);
-            let word = format!("its checkpoint does not fit, and it starts again: {problem}");
+            let word = format!("what was kept of it does not fit, and it starts again: {problem}");
             let resumed = Resumed { word: Some((Level::Warn, word)), ..Resumed::default() };
-            return Ok((self.open(work, scene)?, resumed));
+            return Ok((self.open(work, scene, how.backend)?, resumed));
         }
         let standing = checkpoint.standing;
-        let word = format!("goes on from its checkpoint after {} samples per pixel", standing.samples());
+        let word = format!("{word} {} samples per pixel", standing.samples());
         Ok((renderer, Resumed { standing, goes_on: true, word: Some((Level::Info, word)) }))
     }
 
     /// The compiled form of a scene. The last one is kept, for cells that differ in technique, depth or seed alone.
     pub(super) fn compiled(&mut self, work: &Work<'_>) -> Result<Arc<CompiledScene>, String> {
-        if let Some((desc, compiled)) = &self.compiled
+        let sharing = work.config.accel.instances;
+        if let Some((desc, before, compiled)) = &self.compiled
             && Arc::ptr_eq(desc, work.scene)
+            && *before == sharing
         {
             return Ok(Arc::clone(compiled));
         }
         // Dropped first: two large scenes need not fit into memory at once.
         self.compiled = None;
-        let (compiled, notes) = guard("compiling the scene", || compile(work.scene))?.map_err(|e| e.to_string())?;
+        let (compiled, notes) =
+            guard("compiling the scene", || compile_sharing(work.scene, sharing))?.map_err(|e| e.to_string())?;
         let compiled = Arc::new(compiled);
-        self.compiled = Some((Arc::clone(work.scene), Arc::clone(&compiled)));
+        self.compiled = Some((Arc::clone(work.scene), sharing, Arc::clone(&compiled)));
         for note in notes {
             if self.told.insert(note.clone()) {
                 self.say(Level::Warn, work.cell, note.to_string())?;
@@ -231,8 +416,15 @@ impl Night<'_, '_> {
         Ok(compiled)
     }
 
-    pub(super) fn open(&self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<Box<dyn Renderer>, String> {
+    /// Opens the renderer of a run, on its own backend or another.
+    pub(super) fn open(
+        &self,
+        work: &Work<'_>,
+        scene: Arc<CompiledScene>,
+        backend: Option<&str>,
+    ) -> Result<Box<dyn Renderer>, Broken> {
         let config = work.config;
+        let backend = backend.unwrap_or(&config.backend);
         let name = &config.integrator;
         let job = Job {
             integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}`"))?,
@@ -242,19 +434,20 @@ impl Night<'_, '_> {
             rr_start: config.rr_start,
             filter: config.filter,
             layers: config.films.clone(),
+            timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
+            accel: config.accel,
             seed: 0,
             threads: self.options.threads,
         };
-        let open = |seed: u64| {
+        let open = |seed: u64| -> Result<Box<dyn Renderer>, Broken> {
             let job = Job { seed, ..job.clone() };
-            guard("opening the backend", || (self.seams.open)(&config.backend, Arc::clone(&scene), job))?
-                .map_err(|e| e.to_string())
+            Ok(guard("opening the backend", || (self.seams.open)(backend, Arc::clone(&scene), job))??)
         };
         match work.seeds {
             [seed] => open(*seed),
             [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
-            _ => Err("a run has one seed, or those of two halves".to_owned()),
+            _ => Err("a run has one seed, or those of two halves".to_owned().into()),
         }
     }
 
@@ -267,20 +460,20 @@ impl Night<'_, '_> {
     }
 
     /// Does what the user wants before the next samples, and waits while the night is paused.
-    fn obey(&mut self, cell: CellRef, standing: &Standing) -> Result<Option<Next>, String> {
+    fn obey(&mut self, cell: CellRef, standing: &Standing, leads: bool) -> Result<Option<Next>, String> {
         let (samples, render_s) = (standing.samples(), standing.render_s());
-        if !self.control.stop_requested() && self.control.pause_if_reached(samples, render_s).is_some() {
+        if leads && !self.control.stop_requested() && self.control.pause_if_reached(samples, render_s).is_some() {
             self.say(Level::Info, cell, format!("paused as asked, after {samples} samples per pixel"))?;
         }
         loop {
             if self.control.stop_requested() || self.late() {
                 return Ok(Some(Next::End(Outcome::Interrupted)));
             }
-            if self.control.take_skip() {
+            if leads && self.control.take_skip() {
                 self.say(Level::Warn, cell, format!("given up on request after {samples} samples per pixel"))?;
                 return Ok(Some(Next::End(Outcome::Interrupted)));
             }
-            if self.control.take_restart() {
+            if leads && self.control.take_restart() {
                 self.say(Level::Warn, cell, format!("rendered again on request after {samples} samples per pixel"))?;
                 return Ok(Some(Next::Restart));
             }
@@ -292,20 +485,29 @@ impl Night<'_, '_> {
     }
 }
 
-pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {
-    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned()) };
+/// The place of the run that has rendered least; of several, the one with the fewest turns.
+fn furthest_behind(field: &[(Running<'_>, Floors)]) -> Option<usize> {
+    let clock = |place: &usize| field[*place].0.clock();
+    (0..field.len()).min_by(|a, b| {
+        let ((a_s, a_turns), (b_s, b_turns)) = (clock(a), clock(b));
+        a_s.total_cmp(&b_s).then(a_turns.cmp(&b_turns))
+    })
+}
+
+pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, Broken> {
+    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned().into()) };
     let stats = guard("rendering", || renderer.advance(samples))?;
     *slot = Some(renderer);
     match stats {
-        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples")),
-        stats => stats.map_err(|e| e.to_string()),
+        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples").into()),
+        stats => Ok(stats?),
     }
 }
 
 /// The images of a renderer's layers; the sums of one at a time are in memory twice.
-fn layer_images(renderer: &dyn Renderer) -> Vec<LayerImage> {
+fn layer_images(renderer: &dyn Renderer) -> Result<Vec<LayerImage>, RenderError> {
     let films = renderer.layers().iter().enumerate();
-    films.filter_map(|(i, film)| Some(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
+    films.map(|(i, film)| Ok(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
 }
 
 /// Runs what may panic; a panic becomes a reason.

@@ -5,7 +5,8 @@
 //! asking the stop rule, hearing the user. Of all this only the time inside the renderer counts as render time.
 //!
 //! Waves longer than a second are rendered in slices, between which the user is heard and checkpoints are written.
-//! What another process works on is put off until all else is done, and then waited for or taken over.
+//! What another process works on is put off until all else is done, and then waited for or taken over; the longer the
+//! wait, the rarer the looks.
 //!
 //! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
 //! is missing) is recorded with the reason, and the night goes on.
@@ -15,7 +16,9 @@ mod cell;
 mod checkpoint;
 mod floors;
 mod night;
+pub mod patience;
 mod smoke;
+mod tries;
 mod waves;
 
 use std::collections::BTreeSet;
@@ -24,9 +27,11 @@ use std::time::{Duration, SystemTime};
 
 use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
 use super::floors::Floors;
+use super::forecast::Paces;
+use super::groups::Begin;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
-use crate::render::{Job, RenderError, Renderer, backend};
+use crate::render::{self, Job, OpenStats, RenderError, Renderer};
 use crate::scene::CompiledScene;
 
 /// How one cell or reference of the plan ended.
@@ -40,6 +45,8 @@ pub struct CellResult {
     pub rows: Arc<Vec<WaveRow>>,
     /// The noise floors of what it was measured against, in the order of the plan's columns; empty if not known.
     pub floors: Floors,
+    /// What opening it cost.
+    pub open: OpenStats,
 }
 
 /// How the night ended.
@@ -51,6 +58,8 @@ pub struct NightSummary {
     pub interrupted: bool,
     /// The references that a second technique contradicts, in the order of the plan.
     pub disagreements: Vec<Disagreement>,
+    /// Cells that are for another kind of worker, and why.
+    pub apart: Vec<(CellRef, String)>,
 }
 
 /// A reference that a second technique contradicts.
@@ -111,6 +120,13 @@ pub struct Options {
     pub deadline: Option<SystemTime>,
     /// The cells and references to carry out, where it is not all of them.
     pub only: Option<BTreeSet<CellRef>>,
+    /// How fast runs of earlier nights were, for the forecast.
+    pub paces: Paces,
+    /// What is known to be done already, for the forecast too.
+    pub done: BTreeSet<CellRef>,
+    /// Where this process begins, if it is one of many workers. Without a deadline, whose order is the same for all. What
+    /// takes all references, comparing them, is then left to whoever closes the night.
+    pub begin: Option<Begin>,
 }
 
 impl From<usize> for Options {
@@ -132,7 +148,7 @@ pub fn run(
     control: &Control,
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
-    let seams = Seams { open: &open, wait: &|| std::thread::sleep(PAUSE_STEP) };
+    let seams = Seams { open: &render::open, wait: &|| std::thread::sleep(PAUSE_STEP) };
     run_with(&seams, plan, hooks, history, sinks, control, options)
 }
 
@@ -150,11 +166,4 @@ pub fn run_with(
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
     night::Night::new(seams, plan, hooks, history, sinks, control, options.into()).carry_out()
-}
-
-fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
-    match backend(name) {
-        Some(row) => (row.open)(scene, job),
-        None => Err(RenderError::Unsupported { backend: "none", reason: format!("there is no backend `{name}`") }),
-    }
 }

@@ -2,18 +2,25 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use super::agreement::Compared;
-use super::cell::{Ended, Work};
+use super::cell::{Ended, Running, Work};
+use super::patience::Patience;
 use super::{CellResult, NightSummary, Options, RunError, Seams};
+use crate::experiment::WaveRow;
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
 use crate::experiment::floors::{Floors, HalfImages};
+use crate::experiment::forecast::{Kind, Pace, Paces, forecast};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
-use crate::experiment::standing::Claim;
+use crate::experiment::standing::{Claim, Settled};
 use crate::film::SharedImage;
+use crate::scene::compile::Sharing;
 use crate::scene::{CompiledScene, Note, SceneDesc};
+
+/// The least time between two reckonings of what is left.
+const RECKON: Duration = Duration::from_secs(2);
 
 /// A reference as far as the night has come.
 enum Truth {
@@ -28,12 +35,19 @@ enum Truth {
 }
 
 /// What came of looking at a cell.
-enum Look {
+enum Look<'a> {
+    /// It is to be rendered.
+    Ready(Box<(Running<'a>, Floors)>),
     /// It has ended, one way or another.
     Ended,
     /// Another process works on it or on its reference; the text says which.
     Elsewhere(String),
+    /// It is for another kind of worker, as the text says.
+    Apart(String),
 }
+
+/// How long it is believed that another process has a reference while cells that need it are gone through.
+const BELIEF: Duration = Duration::from_secs(5);
 
 /// A night in progress.
 pub(super) struct Night<'a, 's> {
@@ -45,17 +59,27 @@ pub(super) struct Night<'a, 's> {
     pub(super) history: &'a dyn History,
     sinks: &'a mut [&'s mut dyn Sink],
     truths: Vec<Truth>,
+    /// References that another process had a moment ago, and which process that is.
+    away: BTreeMap<usize, (String, Instant)>,
     /// The reference that was used last: neighbouring cells mostly share it.
     recent: Option<(usize, SharedImage)>,
     /// The references that wait for the other side of a comparison.
     pub(super) compared: BTreeMap<usize, Compared>,
     /// The noise floors of the references as far as they are known.
     pub(super) floors: Vec<Option<Floors>>,
-    /// The scene that was compiled last, and what it was compiled from.
-    pub(super) compiled: Option<(Arc<SceneDesc>, Arc<CompiledScene>)>,
+    /// The scene that was compiled last, and what it was compiled from and how.
+    pub(super) compiled: Option<(Arc<SceneDesc>, Sharing, Arc<CompiledScene>)>,
     /// What compiling has had to say, each once a night.
     pub(super) told: BTreeSet<Note>,
     pub(super) summary: NightSummary,
+    /// Requests for a checkpoint so far.
+    pub(super) asked: u64,
+    /// How fast runs were.
+    pub(super) paces: Paces,
+    /// What has ended, one way or another.
+    settled: BTreeSet<CellRef>,
+    /// When the rest was reckoned last.
+    reckoned: Option<Instant>,
 }
 
 impl<'a, 's> Night<'a, 's> {
@@ -66,8 +90,9 @@ impl<'a, 's> Night<'a, 's> {
         history: &'a dyn History,
         sinks: &'a mut [&'s mut dyn Sink],
         control: &'a Control,
-        options: Options,
+        mut options: Options,
     ) -> Night<'a, 's> {
+        let (paces, settled) = (std::mem::take(&mut options.paces), std::mem::take(&mut options.done));
         Night {
             seams,
             plan,
@@ -77,12 +102,17 @@ impl<'a, 's> Night<'a, 's> {
             history,
             sinks,
             truths: plan.references.iter().map(|_| Truth::Ahead).collect(),
+            away: BTreeMap::new(),
             recent: None,
             compared: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
             compiled: None,
             told: BTreeSet::new(),
             summary: NightSummary::default(),
+            asked: 0,
+            paces,
+            settled,
+            reckoned: None,
         }
     }
 
@@ -91,8 +121,8 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&started).map_err(|reason| RunError::Start { reason })?;
         let mut order = self.order();
         if self.options.smoke {
-            let broken = self.smoke(&order);
-            order.retain(|cell| !broken.contains_key(cell));
+            let broken = self.smoke(&order.concat());
+            order.iter_mut().for_each(|heat| heat.retain(|cell| !broken.contains_key(cell)));
             for (cell, reason) in broken {
                 let outcome = self.finish(cell, Ended::failed(reason));
                 if let CellRef::Reference(place) = cell {
@@ -111,61 +141,115 @@ impl<'a, 's> Night<'a, 's> {
         }
     }
 
-    /// What is to be carried out, in order: references and then cells, or, with a deadline, cells from coarse to fine,
-    /// each after its reference.
-    fn order(&self) -> Vec<CellRef> {
+    /// What is to be carried out, in order: references and then the heats of cells, or, with a deadline, heats from coarse
+    /// to fine, each after its references.
+    fn order(&self) -> Vec<Vec<CellRef>> {
         let plan = self.plan;
-        let references = (0..plan.references.len()).map(CellRef::Reference);
-        let mut order: Vec<CellRef> = match self.options.deadline {
-            None => references.chain((0..plan.cells.len()).map(CellRef::Cell)).collect(),
+        let heats = plan.heats(self.options.deadline.is_some());
+        let heats = heats.into_iter().map(|heat| heat.into_iter().map(CellRef::Cell).collect::<Vec<_>>());
+        let mut order: Vec<Vec<CellRef>> = match self.options.deadline {
+            None => (0..plan.references.len()).map(|i| vec![CellRef::Reference(i)]).chain(heats).collect(),
             Some(_) => {
                 let mut seen = BTreeSet::new();
-                let with_reference = plan.coarse_to_fine().into_iter().flat_map(|i| {
-                    let reference = plan.cells[i].reference;
-                    let second = reference.and_then(|r| plan.references[r].agree).map(|agree| agree.with);
-                    [reference.map(CellRef::Reference), second.map(CellRef::Reference), Some(CellRef::Cell(i))]
-                });
-                with_reference.flatten().filter(|cell| seen.insert(*cell)).collect()
+                let mut order = Vec::new();
+                for heat in heats {
+                    let references = heat.iter().filter_map(|cell| match cell {
+                        CellRef::Cell(i) => plan.cells[*i].reference,
+                        CellRef::Reference(_) => None,
+                    });
+                    let sides = |r: usize| [Some(r), plan.references[r].agree.map(|agree| agree.with)];
+                    let new = references.flat_map(sides).flatten().filter(|r| seen.insert(*r));
+                    order.extend(new.map(|r| vec![CellRef::Reference(r)]));
+                    order.push(heat);
+                }
+                order
             }
         };
         if let Some(only) = &self.options.only {
-            order.retain(|cell| only.contains(cell));
+            order.iter_mut().for_each(|heat| heat.retain(|cell| only.contains(cell)));
         }
-        order
+        order.retain(|heat| !heat.is_empty());
+        match self.options.begin {
+            Some(begin) if self.options.deadline.is_none() => begin.turn(plan, order),
+            _ => order,
+        }
     }
 
     /// Goes through all that is to be done. What others work on is looked at again, until it is done, its owner has
     /// died, or somebody ends the night.
-    fn all(&mut self, mut order: Vec<CellRef>) {
+    fn all(&mut self, mut order: Vec<Vec<CellRef>>) {
         let mut told = false;
+        let mut patience = Patience::new(u64::from(std::process::id()));
         loop {
-            let mut elsewhere = Vec::new();
+            let mut elsewhere: Vec<(Vec<CellRef>, String)> = Vec::new();
             let before = self.summary.results.len();
-            for cell in order {
+            self.away.clear();
+            let (now, mut later) = patience.window(order);
+            for heat in now {
                 if self.over() {
                     return;
                 }
                 // A request that came too late for the cell before is not meant for this one.
                 self.control.take_skip();
                 self.control.take_restart();
-                let look = match cell {
-                    CellRef::Reference(place) => self.reference(place),
-                    CellRef::Cell(place) => self.cell(place),
-                };
-                if let Look::Elsewhere(whose) = look {
-                    elsewhere.push((cell, whose));
-                }
+                self.reckon();
+                elsewhere.extend(self.heat(&heat));
             }
-            let Some((_, whose)) = elsewhere.first() else { return };
+            later.iter_mut().for_each(|heat| heat.retain(|cell| !self.is_settled(*cell)));
+            later.retain(|heat| !heat.is_empty());
+            let whose = elsewhere.first().map_or("", |(_, whose)| whose.as_str());
+            if elsewhere.is_empty() && later.is_empty() {
+                return;
+            }
+            if before < self.summary.results.len() {
+                patience.forget();
+            }
             if !told && before == self.summary.results.len() {
                 told = true;
-                let text = format!("waiting for {} runs of other processes, one of them {whose}", elsewhere.len());
+                let all = elsewhere.iter().map(|(heat, _)| heat).chain(&later).map(Vec::len).sum::<usize>();
+                let text = format!("waiting for {all} runs of other processes, one of them {whose}");
                 // A line that cannot be written is no reason to stop waiting.
                 let _ = self.emit(&Event::Message { level: Level::Info, cell: None, text });
             }
-            (self.seams.wait)();
-            order = elsewhere.into_iter().map(|(cell, _)| cell).collect();
+            for _ in 0..patience.moments() {
+                if self.control.stop_requested() || self.late() {
+                    break;
+                }
+                (self.seams.wait)();
+            }
+            order = later.into_iter().chain(elsewhere.into_iter().map(|(heat, _)| heat)).collect();
         }
+    }
+
+    /// Takes note of what another worker has settled.
+    fn is_settled(&mut self, cell: CellRef) -> bool {
+        if let CellRef::Reference(place) = cell
+            && !matches!(self.truths[place], Truth::Ahead)
+        {
+            return true;
+        }
+        let Some(settled) = self.history.settled(self.plan, cell) else { return false };
+        let ended = match settled {
+            Settled::Done(folder) => Ended { outcome: Outcome::Cached(folder), ..Ended::failed(String::new()) },
+            Settled::Failed(reason) => Ended::failed(reason),
+        };
+        if let CellRef::Reference(place) = cell {
+            self.truths[place] = match &ended.outcome {
+                Outcome::Cached(_) => Truth::Recorded,
+                outcome => lost(outcome),
+            };
+        }
+        let Ended { outcome, rows, floors, layers, open, .. } = ended;
+        let rows = Arc::new(rows);
+        if let Outcome::Cached(_) = outcome {
+            let (outcome, rows) = (outcome.clone(), Arc::clone(&rows));
+            let event = Event::CellFinished { cell, outcome, film: None, layers, times: None, rows };
+            // It is recorded already.
+            let _ = self.emit(&event);
+        }
+        self.settled.insert(cell);
+        self.summary.results.push(CellResult { cell, outcome, rows, floors, open });
+        true
     }
 
     /// Whether the night ends here, with work left.
@@ -206,18 +290,23 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&Event::Message { level, cell: Some(cell), text })
     }
 
-    fn reference(&mut self, place: usize) -> Look {
+    fn reference(&mut self, place: usize) -> Look<'a> {
         let cell = CellRef::Reference(place);
-        if !matches!(self.truths[place], Truth::Ahead) {
+        if self.is_settled(cell) {
             return Look::Ended;
+        }
+        if let Some((whose, at)) = self.away.get(&place)
+            && at.elapsed() < BELIEF
+        {
+            return Look::Elsewhere(whose.clone());
         }
         let plan = self.plan;
         match &plan.references[place].source {
-            ReferenceSource::File(file) => {
+            ReferenceSource::File { file, .. } => {
                 let ended = match self.history.image(plan, place) {
                     Ok(Some(image)) => {
                         self.recent = Some((place, Arc::new(image)));
-                        Ended::cached(file.clone(), Vec::new())
+                        Ended { outcome: Outcome::Cached(file.clone()), ..Ended::failed(String::new()) }
                     }
                     Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
                     Err(error) => Ended::failed(error.to_string()),
@@ -232,7 +321,10 @@ impl<'a, 's> Night<'a, 's> {
                         self.truths[place] = truth;
                         self.compare(place);
                     }
-                    Err(whose) => return Look::Elsewhere(whose),
+                    Err(whose) => {
+                        self.away.insert(place, (whose.clone(), Instant::now()));
+                        return Look::Elsewhere(whose);
+                    }
                 }
             }
         }
@@ -240,13 +332,13 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// The error says who else renders it.
-    fn rendered_reference(&mut self, place: usize, work: &Work<'_>) -> Result<Truth, String> {
+    fn rendered_reference(&mut self, place: usize, work: &Work<'a>) -> Result<Truth, String> {
         if let Some(truth) = self.reference_that_is_there(place, work) {
             return Ok(truth);
         }
         match self.history.claim(self.plan, work.cell) {
             Ok(Claim::Ours) => {}
-            Ok(Claim::Theirs(whose)) => return Err(whose),
+            Ok(Claim::Theirs(whose) | Claim::Never(whose)) => return Err(whose),
             Err(error) => return Ok(lost(&self.finish(work.cell, Ended::failed(error.to_string())))),
         }
         // Between the look and the claim, another process may have finished it.
@@ -273,8 +365,8 @@ impl<'a, 's> Night<'a, 's> {
         }
     }
 
-    fn new_reference(&mut self, place: usize, work: &Work<'_>) -> Truth {
-        let mut ended = self.perform(work);
+    fn new_reference(&mut self, place: usize, work: &Work<'a>) -> Truth {
+        let mut ended = self.perform(work.clone());
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
         if let Some(film) = &ended.film {
             self.remember(place, film);
@@ -314,15 +406,72 @@ impl<'a, 's> Night<'a, 's> {
         let image = self.history.image(self.plan, place).map_err(|e| e.to_string())?;
         let Some(image) = image else { return Ok(None) };
         self.recent = Some((place, Arc::new(image)));
-        Ok(Some(Ended::cached(run.folder, run.rows)))
+        Ok(Some(Ended::cached(run)))
     }
 
-    fn cell(&mut self, place: usize) -> Look {
+    /// Tells how long the rest will take, now and then.
+    fn reckon(&mut self) {
+        if self.reckoned.is_some_and(|last| last.elapsed() < RECKON) {
+            return;
+        }
+        let only = self.options.only.as_ref();
+        let open = |cell: CellRef| !self.settled.contains(&cell) && only.is_none_or(|only| only.contains(&cell));
+        let left = forecast(self.plan, &self.paces, &open);
+        // Nobody needs it to go on.
+        let _ = self.emit(&Event::Forecast(left));
+        self.reckoned = Some(Instant::now());
+    }
+
+    /// Remembers how fast a finished run was.
+    fn learn(&mut self, cell: CellRef, rows: &[WaveRow]) {
+        let plan = self.plan;
+        let (config, stop) = match cell {
+            CellRef::Cell(i) => (&plan.cells[i].config, &plan.cells[i].stop),
+            CellRef::Reference(i) => match &plan.references[i].source {
+                ReferenceSource::Render { config, stop, .. } => (config, stop),
+                ReferenceSource::File { .. } => return,
+            },
+        };
+        if let Some(pace) = rows.last().and_then(|last| Pace::of(last, stop)) {
+            self.paces.learn(Kind::of(config), pace);
+        }
+    }
+
+    /// Renders what is taken together, and returns what of it another process works on, with who that is.
+    fn heat(&mut self, heat: &[CellRef]) -> Option<(Vec<CellRef>, String)> {
+        let mut elsewhere: Option<(Vec<CellRef>, String)> = None;
+        let mut field = Vec::new();
+        for cell in heat {
+            let look = match cell {
+                CellRef::Reference(place) => self.reference(*place),
+                CellRef::Cell(place) => self.enter(*place),
+            };
+            match look {
+                Look::Ended => {}
+                Look::Apart(why) => self.summary.apart.push((*cell, why)),
+                Look::Ready(entrant) => field.push(*entrant),
+                Look::Elsewhere(whose) => elsewhere.get_or_insert_with(|| (Vec::new(), whose)).0.push(*cell),
+            }
+        }
+        if let [first, _, ..] = field.as_slice() {
+            let text = format!("{} techniques take turns on one picture", field.len());
+            // A line that cannot be written is no reason not to render.
+            let _ = self.say(Level::Info, first.0.work.cell, text);
+        }
+        self.race(field);
+        elsewhere
+    }
+
+    /// Makes a cell ready to be rendered, unless it is done, cannot be, or is with another process.
+    fn enter(&mut self, place: usize) -> Look<'a> {
         let plan = self.plan;
         let it = &plan.cells[place];
         let cell = CellRef::Cell(place);
+        if self.is_settled(cell) {
+            return Look::Ended;
+        }
         if let Some(run) = self.history.done(plan, cell) {
-            self.finish(cell, Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) });
+            self.finish(cell, Ended::cached(run));
             return Look::Ended;
         }
         if let Some(reference) = it.reference
@@ -337,6 +486,7 @@ impl<'a, 's> Night<'a, 's> {
         match self.history.claim(plan, cell) {
             Ok(Claim::Ours) => {}
             Ok(Claim::Theirs(whose)) => return Look::Elsewhere(whose),
+            Ok(Claim::Never(why)) => return Look::Apart(why),
             Err(error) => {
                 self.finish(cell, Ended::failed(error.to_string()));
                 return Look::Ended;
@@ -344,23 +494,32 @@ impl<'a, 's> Night<'a, 's> {
         }
         // Between the look and the claim, another process may have finished it.
         let ended = match self.history.done(plan, cell) {
-            Some(run) => Ended { floors: run.floors, ..Ended::cached(run.folder, run.rows) },
-            None => match it.reference.map(|r| self.truth(r, it.config.resolution)).transpose() {
+            Some(run) => Ended::cached(run),
+            None => match self.ready(place) {
+                Ok(entrant) => return Look::Ready(Box::new(entrant)),
                 Err(reason) => Ended::failed(reason),
-                Ok(reference) => match self.floors_of(it.reference.zip(reference.as_ref())) {
-                    Err(reason) => Ended::failed(reason),
-                    Ok(floors) => {
-                        let (config, scene, stop) = (&it.config, &it.scene, &it.stop);
-                        let seeds = &[it.seed];
-                        let work = Work { cell, config, scene, seeds, stop, reference, resolution: None };
-                        Ended { floors, ..self.perform(&work) }
-                    }
-                },
             },
         };
         self.finish(cell, ended);
         self.history.release(plan, cell);
         Look::Ended
+    }
+
+    /// What a cell that is claimed needs.
+    fn ready(&mut self, place: usize) -> Result<(Running<'a>, Floors), String> {
+        let it = &self.plan.cells[place];
+        let reference = it.reference.map(|r| self.truth(r, it.config.resolution)).transpose()?;
+        let floors = self.floors_of(it.reference.zip(reference.as_ref()))?;
+        let work = Work {
+            cell: CellRef::Cell(place),
+            config: &it.config,
+            scene: &it.scene,
+            seeds: std::slice::from_ref(&it.seed),
+            stop: &it.stop,
+            reference,
+            resolution: None,
+        };
+        Ok((Running::new(work), floors))
     }
 
     /// The picture of a reference, which must have the given size.
@@ -386,8 +545,8 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
-    fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
-        let Ended { mut outcome, film, layers, rows, floors, halves: _ } = ended;
+    pub(super) fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
+        let Ended { mut outcome, film, layers, times, rows, floors, halves: _, open } = ended;
         if let Outcome::Done(_) = outcome
             && !self.history.holds(self.plan, cell)
         {
@@ -397,7 +556,8 @@ impl<'a, 's> Night<'a, 's> {
             outcome = Outcome::Interrupted;
         }
         let rows = Arc::new(rows);
-        let event = Event::CellFinished { cell, outcome: outcome.clone(), film, layers, rows: Arc::clone(&rows) };
+        let event =
+            Event::CellFinished { cell, outcome: outcome.clone(), film, layers, times, rows: Arc::clone(&rows) };
         if let Err(reason) = self.emit(&event) {
             let reason = format!("it could not be recorded: {reason}");
             // The sink that failed may fail again; the others still hear of it, and the summary has the reason.
@@ -407,7 +567,11 @@ impl<'a, 's> Night<'a, 's> {
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
         }
-        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors });
+        self.settled.insert(cell);
+        if let Outcome::Done(_) | Outcome::Cached(_) = outcome {
+            self.learn(cell, &rows);
+        }
+        self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors, open });
         outcome
     }
 }

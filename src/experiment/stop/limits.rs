@@ -68,6 +68,14 @@ impl StopRule {
                 amount(*hold > 0, "`hold` is at least 1")?;
                 amount(!value.is_nan(), "the threshold is a number")
             }
+            StopRule::Plateau { column, exponent, over, p } => {
+                if !columns.contains(column) {
+                    return Err(unknown_column(column, columns));
+                }
+                amount(*exponent < 0.0 && exponent.is_finite(), "an exponent below 0")?;
+                amount(*over > 1.0 && over.is_finite(), "a factor above 1")?;
+                amount(*p > 0.0 && *p < 1.0, "a probability above 0 and below 1")
+            }
             StopRule::Predicate(_) => Ok(()),
             StopRule::Any(parts) | StopRule::All(parts) => {
                 if parts.is_empty() {
@@ -83,7 +91,7 @@ impl StopRule {
     /// Whether some measurement fulfils the rule.
     fn is_possible(&self, measured: bool) -> bool {
         match self {
-            StopRule::When { .. } => measured,
+            StopRule::When { .. } | StopRule::Plateau { .. } => measured,
             StopRule::Any(parts) => parts.iter().any(|p| p.is_possible(measured)),
             StopRule::All(parts) => parts.iter().all(|p| p.is_possible(measured)),
             StopRule::Not(part) => !part.is_certain(measured),
@@ -174,6 +182,10 @@ mod tests {
         StopRule::When { column: column.into(), op: Comparison::Less, value: 0.1, hold: 1 }
     }
 
+    fn plateau(column: &str, over: f64) -> StopRule {
+        StopRule::Plateau { column: column.into(), exponent: -0.1, over, p: 0.01 }
+    }
+
     fn not(rule: StopRule) -> StopRule {
         StopRule::Not(Box::new(rule))
     }
@@ -185,6 +197,7 @@ mod tests {
             (Time(3.0), None, Some(3.0), true),
             (Waves(5), None, None, true),
             (when("rmse"), None, None, false),
+            (plateau("rmse", 4.0), None, None, false),
             (Predicate(0), None, None, false),
             (Nan(1), None, None, false),
             (Any(vec![Samples(8), Samples(4), when("rmse")]), Some(4), None, true),
@@ -228,6 +241,9 @@ mod tests {
             (Nan(0), true, "a count is at least 1"),
             (Time(f64::INFINITY), true, "a time is finite"),
             (Time(-1.0), true, "a time is finite"),
+            (plateau("flip", 4.0), true, "compares `flip`, which is not measured"),
+            (plateau("rmse", 1.0), true, "a factor above 1"),
+            (plateau("rmse", 4.0), false, "can never hold: there is no reference"),
         ];
         for (rule, measured, message) in cases {
             let error = rule.validate(&columns, *measured).unwrap_err().to_string();

@@ -1,6 +1,7 @@
 //! Stop rules as data: what they mean, when they can be relied on to end ([`limits`]), and how they read ([`words`], [`read`]).
 
 mod limits;
+mod plateau;
 mod read;
 mod words;
 
@@ -8,6 +9,8 @@ pub use limits::StopError;
 
 use super::event::WaveRow;
 use super::spec::HookError;
+use crate::metrics::MetricSpec;
+use plateau::Slope;
 
 /// How a threshold is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +67,18 @@ pub enum StopRule {
         /// Consecutive measurements.
         hold: u32,
     },
+    /// A metric's error has stopped falling: over the last factor `over` of render time, its exponent is significantly
+    /// greater than `exponent`.
+    Plateau {
+        /// Metric column.
+        column: String,
+        /// The exponent of render time below which an error still falls; a Monte Carlo error has -0.5.
+        exponent: f64,
+        /// How far back it is looked, as a factor of render time above 1.
+        over: f64,
+        /// The probability at which chance is ruled out, above 0 and below 1.
+        p: f64,
+    },
     /// At least this many invalid (NaN or infinite) samples were met.
     Nan(u64),
     /// A function of the script says so; the number is the script room's own.
@@ -90,15 +105,15 @@ impl StopRule {
     /// Whether the rule holds after the measurements `rows` (oldest first), and if so, why, in words.
     ///
     /// The answer depends on the rows alone, so a run that is read back from disk is judged like a live one. A metric
-    /// that was not measured, or is not a number, never compares. `columns` name the metrics of the rows; `ask` calls
-    /// the script's predicates, from left to right and only as long as the parts before leave the answer open.
+    /// that was not measured, or is not a number, never compares. `metrics` are those of the rows; `ask` calls the
+    /// script's predicates, from left to right and only as long as the parts before leave the answer open.
     ///
     /// # Errors
     /// When a predicate fails.
     pub fn check(
         &self,
         rows: &[WaveRow],
-        columns: &[String],
+        metrics: &[MetricSpec],
         ask: &mut dyn FnMut(usize) -> Result<bool, HookError>,
     ) -> Result<Option<String>, HookError> {
         let Some(last) = rows.last() else { return Ok(None) };
@@ -109,15 +124,20 @@ impl StopRule {
             StopRule::Nan(count) => last.invalid >= *count,
             StopRule::Predicate(id) => ask(*id)?,
             StopRule::When { column, op, value, hold } => {
-                let place = columns.iter().position(|c| c == column);
+                let place = metrics.iter().position(|m| m.column == *column);
                 let measured = |row: &WaveRow| place.and_then(|i| row.metrics.get(i)).copied();
                 let hold = *hold as usize;
                 let recent = &rows[rows.len().saturating_sub(hold)..];
                 recent.len() == hold && recent.iter().all(|row| measured(row).is_some_and(|x| op.holds(x, *value)))
             }
+            StopRule::Plateau { column, exponent, over, p } => {
+                let place = metrics.iter().position(|m| m.column == *column);
+                let error = |row: &WaveRow| place.and_then(|i| metrics[i].distance(*row.metrics.get(i)?));
+                Slope::of(rows, *over, error).is_some_and(|slope| slope.p_steeper(*exponent) < *p)
+            }
             StopRule::Any(parts) => {
                 for part in parts {
-                    if let Some(reason) = part.check(rows, columns, ask)? {
+                    if let Some(reason) = part.check(rows, metrics, ask)? {
                         return Ok(Some(reason));
                     }
                 }
@@ -126,14 +146,14 @@ impl StopRule {
             StopRule::All(parts) => {
                 let mut reasons = Vec::new();
                 for part in parts {
-                    match part.check(rows, columns, ask)? {
+                    match part.check(rows, metrics, ask)? {
                         Some(reason) => reasons.push(reason),
                         None => return Ok(None),
                     }
                 }
                 return Ok((!reasons.is_empty()).then(|| reasons.join(", and ")));
             }
-            StopRule::Not(part) => part.check(rows, columns, ask)?.is_none(),
+            StopRule::Not(part) => part.check(rows, metrics, ask)?.is_none(),
         };
         Ok(holds.then(|| self.describe()))
     }
@@ -155,6 +175,10 @@ mod tests {
         ssim.iter().enumerate().map(row).collect()
     }
 
+    fn specs<const N: usize>(names: [&str; N]) -> Vec<MetricSpec> {
+        names.map(|name| MetricSpec::new(name, name, Default::default()).unwrap()).into()
+    }
+
     fn above(hold: u32) -> StopRule {
         StopRule::When { column: "ssim".into(), op: Comparison::Greater, value: 0.95, hold }
     }
@@ -164,8 +188,7 @@ mod tests {
     }
 
     fn reason(rule: &StopRule, ssim: &[f64]) -> Option<String> {
-        let columns = ["rmse".to_owned(), "ssim".to_owned()];
-        rule.check(&rows(ssim), &columns, &mut |id| Ok(id == 1)).unwrap()
+        rule.check(&rows(ssim), &specs(["rmse", "ssim"]), &mut |id| Ok(id == 1)).unwrap()
     }
 
     #[test]
@@ -212,6 +235,22 @@ mod tests {
     }
 
     #[test]
+    fn a_plateau_is_where_the_logarithm_of_the_error_stays() {
+        let plateau = StopRule::Plateau { column: "ssim".into(), exponent: -0.1, over: 4.0, p: 0.01 };
+        let ssim = |error: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            // A ripple, so that there is something from which significance can be told.
+            (1..=64).map(|n| 1.0 - error(0.5 * f64::from(n)) * (1.0 + 0.001 * f64::from(n % 3))).collect()
+        };
+        let (falls, stays) = (ssim(&|t| 0.2 / t.sqrt()), ssim(&|t| (0.01 / t + 0.01).sqrt()));
+        assert_eq!(reason(&plateau, &falls), None);
+        assert_eq!(
+            reason(&plateau, &stays).unwrap(),
+            "the error of ssim falls more slowly than time to the power -0.1 over the last factor 4 (p < 0.01)"
+        );
+        assert_eq!(reason(&plateau, &stays[..6]), None, "too early to tell");
+    }
+
+    #[test]
     fn the_reason_names_the_part_that_held() {
         let rule = StopRule::Any(vec![above(2), StopRule::Time(1.0), StopRule::Samples(8)]);
         assert_eq!(reason(&rule, &[0.1, 0.2]).unwrap(), "1 s of render time");
@@ -223,9 +262,8 @@ mod tests {
     #[test]
     fn a_metric_that_was_not_measured_never_compares() {
         let unmeasured = [WaveRow { wave: 1, samples: 1, ..WaveRow::default() }];
-        let columns = ["ssim".to_owned()];
-        assert!(above(1).check(&unmeasured, &columns, &mut |_| Ok(true)).unwrap().is_none());
-        assert!(above(1).check(&rows(&[0.99]), &["psnr".to_owned()], &mut |_| Ok(true)).unwrap().is_none());
+        assert!(above(1).check(&unmeasured, &specs(["ssim"]), &mut |_| Ok(true)).unwrap().is_none());
+        assert!(above(1).check(&rows(&[0.99]), &specs(["psnr"]), &mut |_| Ok(true)).unwrap().is_none());
     }
 
     #[test]

@@ -36,6 +36,15 @@ impl StopRule {
                     hold: u32::try_from(whole(hold)?).ok()?,
                 }
             }
+            "plateau" => {
+                let [column, exponent, over, p] = argument.as_list()? else { return None };
+                StopRule::Plateau {
+                    column: column.as_str()?.to_owned(),
+                    exponent: exponent.as_f64()?,
+                    over: over.as_f64()?,
+                    p: p.as_f64()?,
+                }
+            }
             _ => return None,
         })
     }
@@ -60,6 +69,7 @@ mod tests {
             StopRule::Nan(1),
             when(Comparison::Less),
             when(Comparison::GreaterEqual),
+            StopRule::Plateau { column: "rmse".into(), exponent: -0.1, over: 4.0, p: 0.01 },
             StopRule::Not(Box::new(StopRule::Samples(8))),
         ];
         let rule = StopRule::Any(vec![StopRule::All(rules.clone()), StopRule::Any(rules), StopRule::Predicate(0)]);

@@ -16,6 +16,10 @@ impl StopRule {
             StopRule::When { column, op, value, hold } => {
                 format!("{column} {} {value} held for {hold} measurements", op.symbol())
             }
+            StopRule::Plateau { column, exponent, over, p } => format!(
+                "the error of {column} falls more slowly than time to the power {exponent} over the last factor {over} \
+                 (p < {p})"
+            ),
             StopRule::Nan(n) => count(*n, "invalid sample"),
             StopRule::Predicate(_) => "a function of the script".to_owned(),
             StopRule::Any(parts) => join(parts, ", or "),
@@ -37,6 +41,10 @@ impl StopRule {
                 let parts =
                     [column.as_str().into(), op.symbol().into(), Value::number(*value), whole(u64::from(*hold))];
                 ("when", Value::List(parts.into()))
+            }
+            StopRule::Plateau { column, exponent, over, p } => {
+                let parts = [column.as_str().into()].into_iter().chain([*exponent, *over, *p].map(Value::number));
+                ("plateau", Value::List(parts.collect()))
             }
             StopRule::Nan(n) => ("nan", whole(*n)),
             StopRule::Predicate(id) => ("predicate", predicate(*id)),
@@ -81,6 +89,7 @@ mod tests {
     #[test]
     fn the_canonical_form_tells_every_rule_from_every_other() {
         let when = |op, value, hold| StopRule::When { column: "rmse".into(), op, value, hold };
+        let plateau = |exponent, over, p| StopRule::Plateau { column: "rmse".into(), exponent, over, p };
         let rules = [
             StopRule::Time(8.0),
             StopRule::Samples(8),
@@ -92,6 +101,10 @@ mod tests {
             when(Comparison::LessEqual, 8.0, 1),
             when(Comparison::Less, 8.5, 1),
             when(Comparison::Less, 8.0, 2),
+            plateau(-0.1, 4.0, 0.01),
+            plateau(-0.2, 4.0, 0.01),
+            plateau(-0.1, 8.0, 0.01),
+            plateau(-0.1, 4.0, 0.05),
             StopRule::Any(vec![StopRule::Samples(8)]),
             StopRule::All(vec![StopRule::Samples(8)]),
             StopRule::Not(Box::new(StopRule::Samples(8))),

@@ -31,6 +31,8 @@ const ENTRY_GAP: f64 = 26.0;
 const ROW: f64 = 20.0;
 /// Least distance between markers of one curve.
 const MARKER_EVERY: f64 = 46.0;
+/// Opacity of the band of repeats.
+const BAND: f64 = 0.18;
 /// Points closer than this to the last one drawn add nothing.
 const SHORTEST_STEP: f64 = 0.35;
 
@@ -81,6 +83,7 @@ fn heading(panel: &Panel) -> Vec<(Font, String)> {
 fn draw_panel(drawing: &mut Drawing, panel: &Panel, x_axis: Option<&Axis>, x_label: &str, (left, top): (f64, f64)) {
     let (width, height) = PLOT;
     let bottom = top + height;
+    // A band that reaches far below its curve, as that of few wild repeats, must not squeeze the curves.
     let values = panel.curves.iter().flat_map(|c| &c.points).map(|(_, y)| *y);
     let axes = x_axis.zip(Axis::new(panel.scale, values));
     if let Some((x_axis, y_axis)) = &axes {
@@ -100,7 +103,7 @@ fn draw_panel(drawing: &mut Drawing, panel: &Panel, x_axis: Option<&Axis>, x_lab
         }
         drawing.frame([left, top, width, height], FRAME);
         for curve in &panel.curves {
-            draw_curve(drawing, curve, &x, &y);
+            draw_curve(drawing, curve, &x, &y, (top, bottom));
         }
     } else {
         drawing.frame([left, top, width, height], FRAME);
@@ -111,7 +114,21 @@ fn draw_panel(drawing: &mut Drawing, panel: &Panel, x_axis: Option<&Axis>, x_lab
     drawing.text_upwards((left - LEFT + 14.0, top + height / 2.0), LABEL, &panel.y_label);
 }
 
-fn draw_curve(drawing: &mut Drawing, curve: &Curve, x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) {
+fn draw_curve(
+    drawing: &mut Drawing,
+    curve: &Curve,
+    x: &impl Fn(f64) -> f64,
+    y: &impl Fn(f64) -> f64,
+    (top, bottom): (f64, f64),
+) {
+    let end = |high: bool| {
+        let ends = curve.points.iter().zip(&curve.ends);
+        ends.map(move |((vx, _), (low, up))| (x(*vx), y(if high { *up } else { *low }).clamp(top, bottom)))
+    };
+    let outline: Vec<(f64, f64)> = end(false).chain(end(true).collect::<Vec<_>>().into_iter().rev()).collect();
+    if outline.len() > 3 {
+        drawing.area(&outline, curve.style.colour, BAND);
+    }
     let distance = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).hypot(a.1 - b.1);
     let mut points: Vec<(f64, f64)> = Vec::new();
     let mut markers: Vec<(f64, f64)> = Vec::new();

@@ -1,7 +1,8 @@
 //! Convergence figures: error against render time or samples, one SVG for each combination of facet values.
 //!
 //! Here the figure's data is gathered; the module `layout` places and draws it. Only cells are drawn: references have no
-//! metrics. Interrupted and failed cells are drawn as far as they were measured.
+//! metrics. Interrupted and failed cells are drawn as far as they were measured. Repeats of a cell are drawn as their mean
+//! and its confidence interval, over what all of them reach.
 
 pub(super) mod axis;
 mod layout;
@@ -16,9 +17,12 @@ pub use raster::rasterize;
 pub use sheet::sheets;
 
 use super::labels;
+use super::report::curve::{Band, BandKind, Curve as Repeat, band};
+use super::report::study::Shown;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureSpec, FigureX};
 use crate::experiment::{CellRef, CellResult, WaveRow};
+use crate::metrics::MetricSpec;
 use axis::Scale;
 use style::{Style, style};
 
@@ -41,6 +45,7 @@ struct Figure {
 
 /// One metric of a picture.
 struct Panel {
+    column: String,
     heading: String,
     /// The metric's column, where it has a name of its own, and its options in words.
     details: String,
@@ -49,26 +54,51 @@ struct Panel {
     curves: Vec<Curve>,
 }
 
-/// The measurements of one cell.
+/// The measurements of one cell, or what those of its repeats say together.
 struct Curve {
     style: Style,
-    /// Whether other cells have the same style: then it is drawn thin.
+    /// Whether other curves have the same style: then it is drawn thin.
     shared: bool,
     /// Points that have a place on the axes, in the order of measurement.
     points: Vec<(f64, f64)>,
+    /// Of the mean of several repeats, the lower and the upper end at each point.
+    ends: Vec<(f64, f64)>,
+    /// What the ends are.
+    kind: BandKind,
+    /// The first cell.
+    cell: usize,
+    /// Runs behind it.
+    runs: usize,
 }
 
-/// The figures of a specification: a file stem (letters, digits, `-`, `_`, `=` and `.`, unique) and an SVG for each
-/// combination of facet values of which anything was measured, in the order of the plan.
+/// A figure as files: a stem (letters, digits, `-`, `_`, `=` and `.`, unique), the picture, and its data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FigureFiles {
+    /// The name of its files, without extension.
+    pub stem: String,
+    /// The picture.
+    pub svg: String,
+    /// What is drawn, as comma-separated values: the cell's axes, `metric`, `x` in the unit of the horizontal axis, `mean`
+    /// as drawn (of a metric with a best value of 1, what is left to it; over repeats, geometric on a logarithmic axis),
+    /// `low`, `high` (the 95 % confidence interval of the mean over three repeats or more, the range of two, empty for
+    /// one), and `runs`.
+    pub csv: String,
+}
+
+/// The figures of a specification, one for each combination of facet values of which anything was measured, in the order
+/// of the plan.
 ///
 /// Errors have a logarithmic axis; a metric with a best value of 1, such as SSIM, is drawn as 1 − value; PSNR has a
 /// linear axis. Values without a place on their axis (zero, negative, NaN) are left out. Curves with the same value of
 /// `by` look alike in all figures of the specification.
-pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<(String, String)> {
+pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<FigureFiles> {
     let rows: BTreeMap<usize, &[WaveRow]> = results
         .iter()
         .filter_map(|r| match r.cell {
-            CellRef::Cell(cell) if cell < plan.cells.len() && !r.rows.is_empty() => Some((cell, r.rows.as_slice())),
+            // Doubles of the A/A check are no results.
+            CellRef::Cell(cell) if plan.cells.get(cell).is_some_and(|c| c.control.is_none()) && !r.rows.is_empty() => {
+                Some((cell, r.rows.as_slice()))
+            }
             _ => None,
         })
         .collect();
@@ -96,7 +126,8 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<(S
         .iter()
         .map(|(facet, cells)| {
             let stem = unique_stem(&spec.name, facet, &mut taken);
-            (stem, layout::draw(&gather(plan, spec, &rows, &styles, facet, cells)))
+            let figure = gather(plan, spec, &rows, &styles, facet, cells);
+            FigureFiles { stem, svg: layout::draw(&figure), csv: csv(plan, &figure) }
         })
         .collect()
 }
@@ -127,10 +158,16 @@ fn gather(
     facet: &[(String, String)],
     cells: &[(usize, usize)],
 ) -> Figure {
-    let runs = |look: usize| cells.iter().filter(|(_, l)| *l == look).count();
-    let (least, most) =
-        cells.iter().map(|(_, look)| runs(*look)).fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
-    let each = if least == most { most.to_string() } else { format!("{least} to {most}") };
+    // Repeats of one point, together, with their look.
+    let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
+    for (cell, look) in cells {
+        let point = &plan.cells[*cell].point;
+        match groups.last_mut().filter(|(_, group)| plan.cells[group[0]].point == *point) {
+            Some((_, group)) => group.push(*cell),
+            None => groups.push((*look, vec![*cell])),
+        }
+    }
+    let shared = |look: usize| groups.iter().filter(|(l, _)| *l == look).count() > 1;
     let mut looks: Vec<usize> = cells.iter().map(|(_, look)| *look).collect();
     looks.sort_unstable();
     looks.dedup();
@@ -146,18 +183,23 @@ fn gather(
         };
         let value = |x: f64| complement.map_or(x, |best| best - x);
         let prefix = complement.map_or(String::new(), |best| format!("{best} − "));
-        let curves = cells.iter().map(|(cell, look)| Curve {
-            style: style(*look),
-            shared: runs(*look) > 1,
-            points: rows[cell]
-                .iter()
-                .filter_map(|r| Some((x_of(spec.x, r), value(*r.metrics.get(index)?))))
-                .filter(|(x, y)| Scale::Log.holds(*x) && scale.holds(*y))
-                .collect(),
+        let single = |cell: usize| -> Vec<(f64, f64)> {
+            let points = rows[&cell].iter().filter_map(|r| Some((x_of(spec.x, r), value(*r.metrics.get(index)?))));
+            points.filter(|(x, y)| Scale::Log.holds(*x) && scale.holds(*y)).collect()
+        };
+        let curves = groups.iter().map(|(look, group)| {
+            let (style, shared, cell, runs) = (style(*look), shared(*look), group[0], group.len());
+            let together = if runs > 1 { repeats(rows, group, spec.x, index, metric) } else { None };
+            let (points, ends, kind) = match together {
+                Some(band) => (band.mean, band.ends, band.kind),
+                None => (single(cell), Vec::new(), BandKind::Single),
+            };
+            Curve { style, shared, points, ends, kind, cell, runs }
         });
         let named = (column != row.name).then(|| format!("column {column}"));
         let details = named.into_iter().chain([metric.describe_options()]).filter(|d| !d.is_empty());
         Some(Panel {
+            column: column.clone(),
             heading: if prefix.is_empty() { capitalised(row.long_name) } else { format!("{prefix}{}", row.long_name) },
             details: details.collect::<Vec<_>>().join(", "),
             y_label: format!("{prefix}{}{unit}", row.label),
@@ -170,7 +212,7 @@ fn gather(
             .chain((!facet_text.is_empty()).then(|| facet_text.join(", ")))
             .collect::<Vec<_>>()
             .join(": "),
-        subtitle: if most > 1 { format!("{each} runs of each, one thin line per run") } else { String::new() },
+        subtitle: subtitle(&groups),
         description: description(plan, rows, cells),
         x_label: match spec.x {
             FigureX::RenderS => "render time (s)",
@@ -179,6 +221,56 @@ fn gather(
         panels: panels.collect(),
         legend: looks.iter().map(|look| (legend_text(plan, &styles[*look], cells, *look), style(*look))).collect(),
     }
+}
+
+/// What several repeats say together of one metric.
+fn repeats(
+    rows: &BTreeMap<usize, &[WaveRow]>,
+    group: &[usize],
+    x: FigureX,
+    index: usize,
+    metric: &MetricSpec,
+) -> Option<Band> {
+    let points = |cell: &usize| {
+        let points = rows[cell].iter().filter_map(move |r| Some((x_of(x, r), *r.metrics.get(index)?)));
+        Repeat::new(Shown::of(metric), points)
+    };
+    band(&group.iter().map(points).collect::<Vec<_>>())
+}
+
+/// What the lines are, where they are more than one run each.
+fn subtitle(groups: &[(usize, Vec<usize>)]) -> String {
+    let runs = || groups.iter().map(|(_, group)| group.len());
+    let (least, most) = (runs().min().unwrap_or(0), runs().max().unwrap_or(0));
+    let each = if least == most { most.to_string() } else { format!("{least} to {most}") };
+    match most {
+        0 | 1 if groups.windows(2).any(|two| two[0].0 == two[1].0) => "one thin line per run".to_owned(),
+        0 | 1 => String::new(),
+        2 => format!("mean of {each} repeats; band: the range of the two"),
+        _ => format!("mean of {each} repeats; band: 95 % confidence interval of the mean, of two repeats their range"),
+    }
+}
+
+/// A figure's data.
+fn csv(plan: &Plan, figure: &Figure) -> String {
+    let mut header = plan.axes.clone();
+    header.extend(["metric", "x", "mean", "low", "high", "runs"].map(str::to_owned));
+    let mut text = labels::csv_line(&header);
+    for panel in &figure.panels {
+        for curve in &panel.curves {
+            for (place, (x, mean)) in curve.points.iter().enumerate() {
+                let axis =
+                    |axis| labels::axis_value(plan, curve.cell, axis).map(ToString::to_string).unwrap_or_default();
+                let mut line: Vec<String> = plan.axes.iter().map(|name| axis(name)).collect();
+                let ends = curve.ends.get(place).filter(|_| curve.kind != BandKind::Single);
+                let end = |end: Option<f64>| end.map(labels::exact).unwrap_or_default();
+                line.extend([panel.column.clone(), labels::exact(*x), labels::exact(*mean)]);
+                line.extend([end(ends.map(|e| e.0)), end(ends.map(|e| e.1)), curve.runs.to_string()]);
+                text += &labels::csv_line(&line);
+            }
+        }
+    }
+    text
 }
 
 fn x_of(x: FigureX, row: &WaveRow) -> f64 {

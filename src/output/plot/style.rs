@@ -59,6 +59,11 @@ const MARKERS: [Marker; 7] = [
 ];
 
 impl Style {
+    /// The same without dashes.
+    pub fn solid(self) -> Style {
+        Style { dash: "", ..self }
+    }
+
     /// The corners of the marker about the origin in pixels; `None` is a circle.
     pub fn marker(&self) -> Marker {
         MARKERS[self.marker]

@@ -39,17 +39,18 @@ fn count(svg: &str, what: &str) -> usize {
 fn one_picture_for_each_facet_with_a_panel_for_each_metric() {
     let (plan, results) = night();
     let figures = figures(&plan, &spec(&["rmse", "ssim"], Some("depth"), &["scene"]), &results);
-    let stems: Vec<&str> = figures.iter().map(|(stem, _)| stem.as_str()).collect();
+    let stems: Vec<&str> = figures.iter().map(|f| f.stem.as_str()).collect();
     assert_eq!(stems, ["convergence_scene=box", "convergence_scene=lamps____glass_"]);
-    let svg = &figures[1].1;
+    let svg = &figures[1].svg;
     assert!(svg.contains(">night: scene = lamps &amp; &lt;glass&gt;</text>"), "{svg}");
     for text in
         ["Root mean square error", "RMSE (radiance)", "1 − structural similarity", "1 − SSIM", "render time (s)"]
     {
         assert!(svg.contains(&format!(">{text}</text>")), "{text} is missing");
     }
-    // Two repeats of three depths in two panels, and three samples in the legend.
-    assert_eq!(count(svg, "<polyline"), 2 * 3 * 2 + 3);
+    // The means of three depths in two panels, with bands, and three samples in the legend.
+    assert_eq!((count(svg, "<polyline"), count(svg, "fill-opacity")), (2 * 3 + 3, 2 * 3));
+    assert!(svg.contains(">mean of 2 repeats; band: the range of the two</text>"));
     for depth in [2, 5, 9] {
         assert_eq!(count(svg, &format!(">depth = {depth}</text>")), 1);
     }
@@ -73,7 +74,7 @@ fn curves_look_the_same_in_every_figure() {
     };
     let stroke = |svg: &str| colour(svg).split("stroke=\"").nth(1).unwrap()[..7].to_owned();
     assert_eq!(part.len(), 1);
-    assert_eq!(stroke(&whole[1].1), stroke(&part[0].1));
+    assert_eq!(stroke(&whole[1].svg), stroke(&part[0].svg));
 }
 
 #[test]
@@ -81,18 +82,47 @@ fn the_integrator_has_its_long_name() {
     let plan = plan(&[("technique", words(&["bpt"]))], 1);
     let results = [done(0, &waves(0))];
     let by = &figures(&plan, &spec(&["psnr"], Some("technique"), &[]), &results)[0];
-    assert_eq!(by.0, "convergence");
-    assert!(by.1.contains(">bpt (backward path tracing)</text>") && by.1.contains(">PSNR (dB)</text>"));
+    assert_eq!(by.stem, "convergence");
+    assert!(by.svg.contains(">bpt (backward path tracing)</text>") && by.svg.contains(">PSNR (dB)</text>"));
     let none = &figures(&plan, &spec(&["psnr"], None, &[]), &results)[0];
-    assert!(none.1.contains(">bpt (backward path tracing)</text>"));
+    assert!(none.svg.contains(">bpt (backward path tracing)</text>"));
 }
 
 #[test]
 fn without_by_every_cell_is_a_curve_of_its_own() {
     let (plan, results) = night();
-    let svg = &figures(&plan, &spec(&["rmse"], None, &[]), &results)[0].1;
+    let svg = &figures(&plan, &spec(&["rmse"], None, &[]), &results)[0].svg;
     assert_eq!(count(svg, ">scene = box, depth = 9</text>"), 1);
-    assert_eq!(count(svg, "<polyline"), 12 + 6);
+    assert_eq!(count(svg, "<polyline"), 6 + 6);
+}
+
+#[test]
+fn repeats_are_a_mean_with_its_interval_and_doubles_of_the_control_are_left_out() {
+    let mut plan = plan(&[("depth", numbers(&[2.0, 5.0]))], 3);
+    let falls = |from: f64| -> Vec<(f64, f64)> { (0..8).map(|k| (2f64.powi(k), from / 2f64.powi(k).sqrt())).collect() };
+    let results: Vec<_> = [0.5, 1.0, 2.0, 3.0].iter().enumerate().map(|(i, from)| done(i, &falls(*from))).collect();
+    let one = spec(&["rmse"], Some("depth"), &[]);
+    let figure = figures(&plan, &one, &results).remove(0);
+    let lines: Vec<Vec<&str>> = figure.csv.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines[0], ["depth", "metric", "x", "mean", "low", "high", "runs"]);
+    let number = |text: &str| text.parse::<f64>().unwrap();
+    // Factors 1/2, 1 and 2: the logarithms have mean 0 and standard deviation ln 2; t = 4.30265 at two degrees.
+    let half = 4.302_652_73 * 2f64.ln() / 3f64.sqrt();
+    let repeated: Vec<_> = lines[1..].iter().filter(|line| line[0] == "2").collect();
+    assert!(repeated.len() > 20 && repeated.iter().all(|line| line[6] == "3"));
+    for line in repeated {
+        let mean = number(line[3]);
+        assert!((mean * number(line[2]).sqrt() - 1.0).abs() < 1e-9, "{line:?}");
+        assert!(((mean / number(line[4])).ln() - half).abs() < 1e-6, "{line:?}");
+        assert!(((number(line[5]) / mean).ln() - half).abs() < 1e-6, "{line:?}");
+    }
+    let single: Vec<_> = lines[1..].iter().filter(|line| line[0] == "5").collect();
+    assert!(single.len() == 8 && single.iter().all(|line| line[4..] == ["", "", "1"]), "{single:?}");
+
+    plan.cells[1].control = Some(0);
+    plan.cells[2].control = Some(1);
+    let figure = figures(&plan, &one, &results).remove(0);
+    assert_eq!(figure.csv.lines().filter(|line| line.starts_with("2,")).count(), 8, "one run of depth 2 is left");
 }
 
 #[test]
@@ -110,14 +140,14 @@ fn values_without_a_place_are_skipped() {
     let (plan, _) = night();
     let one = spec(&["rmse", "psnr"], Some("depth"), &["scene"]);
     let broken = [(0.0, 0.5), (1.0, 0.0), (2.0, f64::NAN), (4.0, f64::INFINITY)];
-    let svg = &figures(&plan, &one, &[done(0, &broken)])[0].1;
+    let svg = &figures(&plan, &one, &[done(0, &broken)])[0].svg;
     assert!(svg.contains("no value can be drawn"));
     assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
     // One drawable point is a marker without a line.
-    let svg = &figures(&plan, &spec(&["rmse"], Some("depth"), &[]), &[done(0, &[(1.0, 0.5), (2.0, f64::NAN)])])[0].1;
+    let svg = &figures(&plan, &spec(&["rmse"], Some("depth"), &[]), &[done(0, &[(1.0, 0.5), (2.0, f64::NAN)])])[0].svg;
     assert_eq!((count(svg, "<polyline"), count(svg, "<circle")), (1, 2));
     let missing = figures(&plan, &spec(&["flop"], None, &[]), &[done(0, &waves(0))]);
-    assert!(missing[0].1.contains("none of the figure's metrics is measured"));
+    assert!(missing[0].svg.contains("none of the figure's metrics is measured"));
 }
 
 #[test]
@@ -136,8 +166,8 @@ fn figures_are_drawable_and_deterministic() {
     let one = spec(&["rmse", "ssim", "psnr"], Some("depth"), &["scene"]);
     let (first, second) = (figures(&plan, &one, &results), figures(&plan, &one, &results));
     assert_eq!(first, second);
-    let png = rasterize(&first[0].1).unwrap();
-    assert_eq!(png, rasterize(&first[0].1).unwrap());
+    let png = rasterize(&first[0].svg).unwrap();
+    assert_eq!(png, rasterize(&first[0].svg).unwrap());
     let picture = image::load_from_memory(&png).unwrap().to_rgb8();
     let coloured = picture.pixels().filter(|p| p.0.iter().max().unwrap() - p.0.iter().min().unwrap() > 60).count();
     assert!(coloured > 2000, "only {coloured} pixels have a colour");

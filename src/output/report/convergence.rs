@@ -62,25 +62,37 @@ pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<Item> {
     let word = if x == FigureX::RenderS { "time" } else { "samples" };
     let pages: Vec<Vec<usize>> =
         (0..study.facets.len()).collect::<Vec<_>>().chunks(MOST_PANELS).map(<[usize]>::to_vec).collect();
-    let page = |(number, facets): (usize, &Vec<usize>)| {
-        let panels: Vec<Panel> = facets.iter().map(|facet| panel(study, *facet, metric, x)).collect();
+    // Times of several devices of one night never share an axis: each device has figures of its own.
+    let apart = x == FigureX::RenderS && study.nights.len() == 1 && study.devices.len() > 1;
+    let clocks: Vec<Option<usize>> = if apart { (0..study.devices.len()).map(Some).collect() } else { vec![None] };
+    let page = |clock: Option<usize>, number: usize, facets: &Vec<usize>| {
+        let device = clock.map(|i| study.devices[i].as_str());
+        let panels: Vec<Panel> = facets.iter().map(|facet| panel(study, *facet, metric, x, device)).collect();
         if panels.iter().all(|panel| panel.axes.is_none()) {
             return None;
         }
-        let suffix = if pages.len() > 1 { format!("-{}", number + 1) } else { String::new() };
+        let mut suffix = clock.map_or_else(String::new, |i| format!("-device-{}", i + 1));
+        if pages.len() > 1 {
+            suffix += &format!("-{}", number + 1);
+        }
         let shown = Shown::of(spec);
         let unit = spec.unit();
         let y_label = if unit.is_empty() { shown.label(spec) } else { format!("{} ({unit})", shown.label(spec)) };
-        let x_label = x_label(study, x);
+        let x_label = device.map_or_else(|| x_label(study, x), |device| format!("render time (s) on {device}"));
         let title = format!("{} against {}", shown.label(spec), if word == "time" { "render time" } else { "samples" });
-        let caption = caption(study, spec, &panels, x);
+        let mut caption = caption(study, spec, &panels, x);
+        if let Some(device) = device {
+            caption += &format!(" Shown are the runs on {device}.");
+        }
         let provenance = provenance(study, facets);
         let svg = draw(study, &panels, &y_label, &x_label, &title, &provenance.text());
         let stem = format!("figures/error-{word}-{}{suffix}", spec.column);
         let extra = pgfplots(study, &panels, &y_label, &x_label, &stem, &caption, &provenance, shown);
         Some(Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra, provenance })
     };
-    pages.iter().enumerate().filter_map(page).collect()
+    let numbered = |clock| pages.iter().enumerate().map(move |(number, facets)| (clock, number, facets));
+    let all = clocks.into_iter().flat_map(numbered);
+    all.filter_map(|(clock, number, facets)| page(clock, number, facets)).collect()
 }
 
 fn provenance(study: &Study, facets: &[usize]) -> Provenance {
@@ -96,11 +108,15 @@ fn x_label(study: &Study, x: FigureX) -> String {
     }
 }
 
-fn panel(study: &Study, facet: usize, metric: usize, x: FigureX) -> Panel {
+/// The data of one facet; with a device, only of the runs on it.
+fn panel(study: &Study, facet: usize, metric: usize, x: FigureX, device: Option<&str>) -> Panel {
     let shown = Shown::of(&study.metrics[metric]);
     let mut lines = Vec::new();
     let mut floor: Option<f64> = None;
     for series in 0..study.series.len() {
+        if device.is_some() && study.series[series].device.as_deref() != device {
+            continue;
+        }
         let members = study.members(facet, series);
         let curve = |member: &super::study::Member| {
             let point = |row: &crate::experiment::WaveRow| {

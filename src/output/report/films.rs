@@ -262,7 +262,7 @@ pub(super) fn colour_bar(drawing: &mut Drawing, [x, y, width, height]: [f64; 4],
     drawing.outline([x, y, width, height], FRAME, 0.4);
 }
 
-fn place_name(study: &Study, facet: usize, series: Option<usize>) -> String {
+pub(super) fn place_name(study: &Study, facet: usize, series: Option<usize>) -> String {
     let series = series.map(|s| study.series[s].full());
     [Some(study.facet_label(facet)), series]
         .into_iter()

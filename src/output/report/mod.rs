@@ -5,7 +5,7 @@
 
 mod convergence;
 mod crops;
-mod curve;
+pub(super) mod curve;
 mod films;
 mod grid;
 mod heat;
@@ -14,9 +14,10 @@ mod latex;
 mod methods;
 mod page;
 mod shots;
-mod study;
+pub(super) mod study;
 mod tables;
 mod tidy;
+mod times;
 
 use std::path::{Path, PathBuf};
 
@@ -101,6 +102,7 @@ pub fn build(study: &Study, options: &Options, around: &Surroundings) -> Result<
     }
     items.extend(crops::all(study, options, around.pictures, &mut notes)?);
     items.extend(films::all(study, around.pictures, &mut notes)?);
+    items.extend(times::all(study, around.pictures, &mut notes)?);
     items.extend(heat::all(study, options)?);
     items.extend(tables::all(study, options, &mut notes)?);
     items.extend(tidy::all(study));

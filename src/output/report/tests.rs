@@ -86,6 +86,7 @@ fn run(
         pictures: [16, 64, 128].map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr")))).to_vec(),
         films: Vec::new(),
         accel: Some((0.0021, 77)),
+        accel_size: Some((4096, 9.5)),
         floors: vec![("rmse".to_owned(), 0.004)],
         id,
     }
@@ -192,6 +193,27 @@ fn nights_of_two_devices_stand_side_by_side_and_are_named() {
     }
     let caption = &item(&made, "figures/error-time-rmse").caption;
     assert!(caption.contains("Times are of 2 devices: RTX 4070; RX 7600"), "{caption}");
+}
+
+#[test]
+fn devices_of_one_night_never_share_a_clock() {
+    let mut both = night("RTX 4070", 1.0);
+    let other = night("RX 7600", 0.44);
+    let half = both.runs.len() / 2;
+    both.runs.splice(half.., other.runs.into_iter().skip(half));
+    let made = report(&[both], &Options::default());
+    let titles: Vec<&str> = made.items.iter().map(|item| item.stem.as_str()).collect();
+    assert!(!titles.contains(&"figures/error-time-rmse"), "{titles:?}");
+    for (i, (own, others)) in [("RTX 4070", "RX 7600"), ("RX 7600", "RTX 4070")].into_iter().enumerate() {
+        let figure = item(&made, &format!("figures/error-time-rmse-device-{}", i + 1));
+        let svg = figure.svg.as_deref().unwrap();
+        assert!(
+            svg.contains(&format!("render time (s) on {own}")) && !svg.contains(&format!("{others}</text>")),
+            "{svg}"
+        );
+        assert!(figure.caption.contains(&format!("Shown are the runs on {own}")), "{}", figure.caption);
+    }
+    assert!(titles.contains(&"figures/error-samples-rmse"), "samples are the same everywhere");
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn runs(study: &Study, axes: &[String]) -> String {
     let mut rest = vec!["state".to_owned(), "reason".to_owned()];
     rest.extend(counts());
     rest.extend(metric_names(study));
-    rest.extend(["accel_build_s", "accel_nodes"].map(str::to_owned));
+    rest.extend(["accel_build_s", "accel_nodes", "accel_bytes", "accel_cost"].map(str::to_owned));
     let mut text = header(axes, &rest);
     for m in study.all() {
         let mut fields = keys(&m, axes);
@@ -87,6 +87,8 @@ fn runs(study: &Study, axes: &[String]) -> String {
         }
         fields.push(m.run.accel.map(|a| exact(a.0)).unwrap_or_default());
         fields.push(m.run.accel.map(|a| a.1.to_string()).unwrap_or_default());
+        fields.push(m.run.accel_size.map(|a| a.0.to_string()).unwrap_or_default());
+        fields.push(m.run.accel_size.map(|a| exact(a.1)).unwrap_or_default());
         text += &csv_line(&fields);
     }
     text
@@ -139,5 +141,11 @@ fn columns(study: &Study, axes: &[String]) -> String {
     }
     add("accel_build_s", "s", "seconds spent building acceleration structures, before the first sample");
     add("accel_nodes", "1", "their nodes");
+    add("accel_bytes", "B", "their bytes with the primitives in them; 0 or empty if not known");
+    add(
+        "accel_cost",
+        "1",
+        "nodes and primitives that a ray meets by the surface area heuristic; 0 or empty if not known",
+    );
     text
 }

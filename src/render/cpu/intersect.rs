@@ -56,7 +56,7 @@ impl TriangleBlock {
         TriangleBlock { corners: [0, 1, 2].map(corner) }
     }
 
-    /// The triangles that the ray hits with `0 < t < t_max`.
+    /// The triangles that the ray hits with `0 < t <= t_max`.
     ///
     /// Watertight: a ray through a shared edge or corner hits one of the triangles, since both see the same edge
     /// function and a zero counts as inside. Where single precision says exactly zero, double precision decides.
@@ -78,7 +78,7 @@ impl TriangleBlock {
         let (za, zb, zc) = (a[2].mul(shear), b[2].mul(shear), c[2].mul(shear));
         let t = u.mul(za).add(v.mul(zb)).add(w.mul(zc)).div(det);
         // Comparisons with what `det == 0` makes, infinite or NaN, are false.
-        let within = none.lt(t) & t.lt(L::splat(t_max));
+        let within = none.lt(t) & t.le(L::splat(t_max));
         BlockHit { lanes: within & !outside, t, v, w, det }
     }
 
@@ -139,7 +139,32 @@ impl<L: Lanes> BlockHit<L> {
     }
 }
 
-/// Distance to a sphere, if it is hit with `0 < t < t_max`, in the form that keeps its digits for small and for distant
+/// One triangle as [`TriangleBlock::intersect`] tests it, operation by operation and so to the same bits: the distance and
+/// the barycentric weights of the second and third corner, if `0 < t <= t_max`.
+#[inline]
+pub fn triangle(corners: &[Vec3; 3], ray: &ShearedRay, t_max: f32) -> Option<(f32, [f32; 2])> {
+    let [kx, ky, kz] = ray.k;
+    let [a, b, c] = corners.map(|p| {
+        let z = p[kz] - ray.origin[2];
+        [p[kx] - ray.origin[0] - z * ray.shear[0], p[ky] - ray.origin[1] - z * ray.shear[1], z]
+    });
+    let plain = |p: [f32; 3], q: [f32; 3]| p[0] * q[1] - p[1] * q[0];
+    let (mut u, mut v, mut w) = (plain(c, b), plain(a, c), plain(b, a));
+    if u == 0.0 || v == 0.0 || w == 0.0 {
+        let double =
+            |p: [f32; 3], q: [f32; 3]| (f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0])) as f32;
+        (u, v, w) = (double(c, b), double(a, c), double(b, a));
+    }
+    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        return None;
+    }
+    let det = u + v + w;
+    let [za, zb, zc] = [a, b, c].map(|p| p[2] * ray.shear[2]);
+    let t = (u * za + v * zb + w * zc) / det;
+    (0.0 < t && t <= t_max).then(|| (t, [v / det, w / det]))
+}
+
+/// Distance to a sphere, if it is hit with `0 < t <= t_max`, in the form that keeps its digits for small and for distant
 /// spheres [Haines et al. 2019].
 #[inline]
 pub fn sphere(sphere: &Sphere, ray: &Ray, t_max: f32) -> Option<f32> {
@@ -159,5 +184,5 @@ pub fn sphere(sphere: &Sphere, ray: &Ray, t_max: f32) -> Option<f32> {
     let (t0, t1) = (c / q, q);
     let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
     let t = if near > 0.0 { near } else { far };
-    (t > 0.0 && t < t_max).then_some(t)
+    (t > 0.0 && t <= t_max).then_some(t)
 }

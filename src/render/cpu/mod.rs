@@ -1,15 +1,21 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
 //! [`accel`] holds the hierarchy, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
-//! the sums of films beside the main one, and [`rates`] the measurement of both loops that `lumbre bench` prints.
+//! the sums of films beside the main one, `times` those of films with a time axis, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
+mod build;
+mod compressed;
+mod copies;
 mod intersect;
 pub mod lanes;
 mod layers;
+mod paths;
 pub mod rates;
 pub mod renderer;
+mod times;
 mod traverse;
+mod wide;
 
 use super::BackendRow;
 use crate::scene::desc::Model;
@@ -23,7 +29,11 @@ pub const ROW: BackendRow = BackendRow {
         Ok(format!("{threads} hardware threads"))
     },
     layers: true,
+    times: true,
     models: &Model::ALL,
-    refuses: |_| None,
+    refuses: |_, _| None,
+    edited: || Ok(None),
+    accel: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
+    paths: paths::paths,
 };

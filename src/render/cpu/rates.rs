@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::accel::{Accel, TooDeep};
+use super::accel::{Accel, Unusable};
 use crate::math::{Frame, stats::median, warp};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{Camera, FilterKind, FilterSpec};
@@ -51,7 +51,7 @@ pub fn measure(
     pool.install(|| measure_here(scene, resolution, repeats)).map_err(|e| e.to_string())
 }
 
-fn measure_here(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize) -> Result<RayRates, TooDeep> {
+fn measure_here(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize) -> Result<RayRates, Unusable> {
     let mut builds = Vec::new();
     let mut accel = Accel::build(Arc::clone(scene))?;
     for _ in 0..repeats {

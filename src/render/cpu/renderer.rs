@@ -9,11 +9,15 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
+use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
+use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
 use crate::film::layer::LayerFilm;
 use crate::film::splat::{SplatBuffer, SplatSums};
 use crate::film::state::Saved;
+use crate::film::time::TimeCube;
+use crate::render::hierarchy::{AccelSpec, Builder};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
 use crate::transport::camera::Camera;
@@ -41,6 +45,10 @@ pub struct CpuRenderer {
     joint: Option<Film>,
     /// The layers, where the job asks for any.
     layers: Option<LayerSums>,
+    /// The sums by time, where the job asks for them.
+    times: Option<TimeSums>,
+    /// The film that is the sum of those, made when it is asked for: that takes a look at every bin.
+    timed: OnceLock<Film>,
     open_stats: OpenStats,
 }
 
@@ -48,20 +56,26 @@ impl CpuRenderer {
     /// Builds everything that is not per sample.
     ///
     /// # Errors
-    /// When the threads cannot be started, the scene's hierarchy cannot be used, or the layers are too large.
+    /// When the threads cannot be started, the scene's hierarchy cannot be used, or layers or bins are too large.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, RenderError> {
         let failed = |reason: String| RenderError::Failed { backend: "cpu", reason };
         let layers = LayerSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
+        let times = TimeSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(job.threads)
             .thread_name(|i| format!("render-{i}"))
             .build()
             .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
-        let accel = pool.install(|| Accel::build(Arc::clone(&scene))).map_err(|e| failed(e.to_string()))?;
+        let accel = pool
+            .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
+            .map_err(|e| failed(e.to_string()))?;
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
-            device: format!("cpu, {} threads, eight-wide BVH, {}", pool.current_num_threads(), accel.isa().name()),
+            accel_bytes: accel.bytes() as u64,
+            accel_cost: accel.cost(),
+            device: words(&accel, &job.accel, pool.current_num_threads()),
+            ..OpenStats::default()
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
@@ -70,6 +84,8 @@ impl CpuRenderer {
             splats: OnceLock::new(),
             joint: None,
             layers,
+            times,
+            timed: OnceLock::new(),
             accel,
             scene,
             job,
@@ -92,6 +108,18 @@ impl CpuRenderer {
     }
 }
 
+/// A line for people: what traces rays, and how.
+fn words(accel: &Accel, spec: &AccelSpec, threads: usize) -> String {
+    let plain = AccelSpec::default();
+    let tree = match spec.builder {
+        Builder::None => "no hierarchy".to_owned(),
+        Builder::Cwbvh => format!("{} of obvhs", spec.describe()),
+        _ if AccelSpec { instances: plain.instances, ..*spec } == plain => "eight-wide BVH".to_owned(),
+        _ => format!("eight-wide BVH by {}", spec.describe()),
+    };
+    format!("cpu, {threads} threads, {tree}, {}", accel.isa().name())
+}
+
 /// What the rows of a wave report, merged without order.
 #[derive(Clone, Copy, Default)]
 struct RowStats {
@@ -109,6 +137,12 @@ impl RowStats {
             first_invalid: [self.first_invalid, other.first_invalid].into_iter().flatten().min(),
         }
     }
+}
+
+/// The sums of a row beside those of the picture.
+struct Apart<'a> {
+    layers: Option<&'a mut [Sums]>,
+    times: Option<TimeRow<'a>>,
 }
 
 /// The hierarchy with a counter of its rays, one for each row, so that counting shares nothing between threads.
@@ -132,16 +166,21 @@ impl Trace for Counted<'_> {
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
+        self.timed = OnceLock::new();
         let first = self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
-        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, pool, .. } = self;
+        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, times, pool, .. } = self;
         let settings = Settings::new(&job.params);
         // Rows hand their buffers on, so that few are needed and they are mostly full when they are emptied.
         let buffers: Mutex<Vec<SplatBuffer>> = Mutex::default();
         let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
-        let sums = || splats.get_or_init(|| SplatSums::new(width as usize * height as usize));
-        let (mut layer_rows, spec) = LayerSums::rows(layers, height);
-        let render_row = |y: u32, sum: &mut [[f64; 3]], sum2: &mut [[f64; 3]], layer_row: Option<&mut [Sums]>| {
+        let (time_rows, landing) = TimeSums::rows(times, height);
+        let sums = || match &landing {
+            Some(landing) => landing.sums(),
+            None => splats.get_or_init(|| SplatSums::new(width as usize * height as usize)),
+        };
+        let (layer_rows, spec) = LayerSums::rows(layers, height);
+        let render_row = |y: u32, [sum, sum2]: [&mut [[f64; 3]]; 2], apart: Apart| {
             let trace = Counted { accel, rays: Cell::new(0) };
             let context = Context {
                 scene,
@@ -151,10 +190,12 @@ impl Renderer for CpuRenderer {
                 max_depth: job.max_depth,
                 rr_start: job.rr_start,
                 settings: &settings,
+                timing: job.timing.as_ref(),
             };
             let mut stats = RowStats::default();
             let mut buffer = idle().pop().unwrap_or_default();
-            let mut tally = layer_row.zip(spec).map(|(row, spec)| Tally::new(spec, row));
+            let mut tally = apart.layers.zip(spec).map(|(row, spec)| Tally::new(spec, row));
+            let mut by_time = apart.times.zip(landing).map(|(row, landing)| Gathering::new(landing, row));
             for x in 0..width {
                 let pixel = [x, y];
                 for sample in first..first + samples {
@@ -166,10 +207,17 @@ impl Renderer for CpuRenderer {
                         if c.t != 1 && c.pixel == pixel {
                             value += c.value;
                             invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
+                            if let Some(by_time) = &mut by_time {
+                                by_time.own(&c);
+                            }
                         } else {
                             let inside = c.pixel[0] < width && c.pixel[1] < height;
                             let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
-                            if c.value != Vec3::ZERO && !(inside && buffer.push(at, c.value.to_array())) {
+                            let mut push = || match &landing {
+                                Some(landing) => landing.splat(at, &c, |place, value| buffer.push(place, value)),
+                                None => buffer.push(at, c.value.to_array()),
+                            };
+                            if c.value != Vec3::ZERO && !(inside && push()) {
                                 invalid += 1;
                             } else if let Some(tally) = tally.as_mut().filter(|_| inside) {
                                 invalid += tally.splat(at, &c);
@@ -185,6 +233,9 @@ impl Renderer for CpuRenderer {
                         }
                     } else {
                         invalid += 1;
+                    }
+                    if let Some(by_time) = &mut by_time {
+                        invalid += u64::from(!by_time.close(x, finite));
                     }
                     if let Some(tally) = &mut tally {
                         let rays = trace.rays.get() - rays;
@@ -206,8 +257,9 @@ impl Renderer for CpuRenderer {
         let stats = pool.install(|| {
             let width = width as usize;
             let rows = film.sum.par_chunks_mut(width).zip(film.sum2.par_chunks_mut(width)).enumerate();
-            let rows = rows.zip(layer_rows.par_iter_mut());
-            rows.map(|((y, (sum, sum2)), layers)| render_row(y as u32, sum, sum2, layers.take()))
+            let apart = layer_rows.into_par_iter().zip(time_rows).map(|(layers, times)| Apart { layers, times });
+            rows.zip(apart)
+                .map(|((y, (sum, sum2)), apart)| render_row(y as u32, [sum, sum2], apart))
                 .reduce(RowStats::default, RowStats::merge)
         });
         let mut without_room = 0;
@@ -229,16 +281,25 @@ impl Renderer for CpuRenderer {
     }
 
     fn film(&self) -> &Film {
-        self.joint.as_ref().unwrap_or(&self.own)
+        match &self.times {
+            Some(times) => self.timed.get_or_init(|| times.film(&self.own)),
+            None => self.joint.as_ref().unwrap_or(&self.own),
+        }
     }
 
     fn layers(&self) -> &[LayerFilm] {
         self.layers.as_ref().map_or(&[], LayerSums::films)
     }
 
-    fn layer(&self, index: usize) -> Option<Film> {
-        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
-        Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
+    fn times(&self) -> Option<TimeCube> {
+        let times = self.times.as_ref()?;
+        Some(times.cube([self.own.width, self.own.height], self.own.samples))
+    }
+
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len());
+        let missing = || RenderError::Failed { backend: "cpu", reason: format!("there is no film {index} of layers") };
+        Ok(layers.ok_or_else(missing)?.film(index, [self.own.width, self.own.height], self.own.samples))
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
@@ -247,17 +308,24 @@ impl Renderer for CpuRenderer {
         if let Some(layers) = &self.layers {
             layers.save(to)?;
         }
+        if let Some(times) = &self.times {
+            times.save(to)?;
+        }
         Ok(true)
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
         let mut from = Saved::new(state);
+        self.timed = OnceLock::new();
         let take = || {
             self.own.restore(&mut from)?;
             let splats = SplatSums::restore(self.own.sum.len(), &mut from)?;
             self.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
             if let Some(layers) = &mut self.layers {
                 layers.restore(&mut from)?;
+            }
+            if let Some(times) = &mut self.times {
+                times.restore(&mut from)?;
             }
             from.end()
         };

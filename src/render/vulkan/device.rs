@@ -12,12 +12,16 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::cache;
 use super::error::VulkanError;
 use super::instance::{self, Instance};
+use crate::render::choice;
 
 /// The variable that names the device to use: its index or a part of its name, as `lumbre doctor` lists them.
 pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
 
 /// How long a submission may take before it counts as stuck, in seconds. Dispatches are made to take a tenth of one.
 const PATIENCE_S: u64 = 300;
+
+/// The same of a device that is a program: it compiles shaders at their first dispatch, and shares its processor.
+const PATIENCE_WITH_PROGRAMS_S: u64 = 1800;
 
 /// What a device can do of what the backends ask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -195,7 +199,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
 pub fn choose() -> Result<DeviceInfo, VulkanError> {
     let devices = list()?;
     let names = || devices.iter().map(|d| format!("{} {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
-    if let Some(wanted) = std::env::var(DEVICE_VARIABLE).ok().filter(|w| !w.is_empty()) {
+    if let Some(wanted) = choice::device(DEVICE_VARIABLE) {
         let lower = wanted.to_lowercase();
         let fits = |d: &&DeviceInfo| {
             wanted.parse() == Ok(d.index)
@@ -203,7 +207,10 @@ pub fn choose() -> Result<DeviceInfo, VulkanError> {
         };
         let found = devices.iter().find(fits).cloned();
         return found.ok_or_else(|| {
-            VulkanError::NoDevice(format!("{DEVICE_VARIABLE} asks for `{wanted}`; there are: {}", names()))
+            VulkanError::NoDevice(format!(
+                "`{wanted}` was asked for (--device, {DEVICE_VARIABLE}); there are: {}",
+                names()
+            ))
         });
     }
     let first = devices.iter().find(|d| !d.software).or(devices.first()).cloned();
@@ -445,6 +452,7 @@ impl Device {
     pub fn run(&self, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), VulkanError> {
         let mut current = self.pass.lock().unwrap_or_else(PoisonError::into_inner);
         pass.clone_into(&mut current);
+        let patience_s = if self.info.software { PATIENCE_WITH_PROGRAMS_S } else { PATIENCE_S };
         let fail = |call: &'static str| move |result| self.failed_in(call, result, pass.to_owned());
         let allocate = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
@@ -458,10 +466,10 @@ impl Device {
                 self.raw.end_command_buffer(commands[0]).map_err(fail("vkEndCommandBuffer"))?;
                 let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
                 self.raw.queue_submit(self.queue, &submit, self.fence).map_err(fail("vkQueueSubmit"))?;
-                match self.raw.wait_for_fences(&[self.fence], true, PATIENCE_S * 1_000_000_000) {
+                match self.raw.wait_for_fences(&[self.fence], true, patience_s * 1_000_000_000) {
                     Err(vk::Result::TIMEOUT) => {
                         self.stuck.store(true, Ordering::Relaxed);
-                        Err(VulkanError::Stuck { device: self.info.line(), pass: pass.to_owned(), seconds: PATIENCE_S })
+                        Err(VulkanError::Stuck { device: self.info.line(), pass: pass.to_owned(), seconds: patience_s })
                     }
                     other => other.map_err(fail("vkWaitForFences")),
                 }?;

@@ -1,11 +1,14 @@
 //! Entities to world-space triangles, spheres and emitters.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, lights, materials, tangents};
+use super::instance::{Instances, cofactor};
+use super::share::{self, Part, Sharing};
+use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, bounds, lights, materials, tangents};
 use crate::math::distribution::Alias;
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
 use crate::scene::{Note, SceneError};
@@ -34,26 +37,27 @@ const PARALLEL_SINE: f32 = 1e-5;
 /// more primitives than [`MAX_PRIMITIVES`], more lights than [`Alias`] can choose among, or a material or light with values
 /// that mean nothing.
 pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneError> {
+    compile_sharing(desc, Sharing::Auto)
+}
+
+/// The same, with meshes that several entities have kept once or not.
+///
+/// # Errors
+/// As [`compile`]; of a shared mesh the primitives count once, but its lights for every copy.
+pub fn compile_sharing(desc: &SceneDesc, sharing: Sharing) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let camera = checked_camera(&desc.camera, &mut notes)?;
-    let (rows, textures) = materials::rows(desc, &mut notes)?;
+    let (rows, textures, delays) = materials::rows(desc, &mut notes)?;
     let unbound = lights::compile(desc, &mut notes)?;
-    let count = desc.entities.iter().map(|e| match &e.shape {
-        ShapeDesc::Mesh(m) => m.triangles.len(),
-        ShapeDesc::Sphere { .. } => 1,
-    });
-    let total = count.fold(0usize, usize::saturating_add);
-    if total > MAX_PRIMITIVES {
-        let problem = format!("the scene has {total} triangles and spheres, more than {MAX_PRIMITIVES}");
-        return Err(malformed(Path::new(""), "entities".to_owned(), problem));
-    }
     let mut scene = CompiledScene {
         content_hash: content_hash(desc),
-        triangles: Vec::with_capacity(total),
-        attributes: Vec::with_capacity(total),
+        triangles: Vec::new(),
+        attributes: Vec::new(),
+        instances: Instances::default(),
         tangents: Vec::new(),
         spheres: Vec::new(),
         materials: rows,
+        delays,
         textures,
         emitters: Vec::new(),
         points: unbound.points,
@@ -65,18 +69,28 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
         max_depth: desc.max_depth,
     };
     let mut names = Names { desc, notes };
-    for entity in &desc.entities {
-        if let ShapeDesc::Mesh(mesh) = &entity.shape {
-            add_mesh(&mut scene, entity, mesh, &mut names)?;
-        }
+    let mut parts = parts(&mut scene, &mut names)?;
+    let copies = share::split(&scene, &mut parts, sharing);
+    let spheres = desc.entities.iter().filter(|e| matches!(e.shape, ShapeDesc::Sphere { .. })).count();
+    let kept = parts.iter().map(|part| part.mesh.triangles.len()).chain([copies.triangles(), spheres]);
+    let total = kept.fold(0usize, usize::saturating_add);
+    if total > MAX_PRIMITIVES {
+        let problem = format!("the scene has {total} triangles and spheres, more than {MAX_PRIMITIVES}");
+        return Err(malformed(Path::new(""), "entities".to_owned(), problem));
     }
+    scene.triangles.reserve_exact(total - spheres);
+    scene.attributes.reserve_exact(total - spheres);
+    for part in &parts {
+        add_mesh(&mut scene, part, &mut names)?;
+    }
+    copies.place(&mut scene, &mut names.notes)?;
     for entity in &desc.entities {
         if let ShapeDesc::Sphere { radius } = entity.shape {
             add_sphere(&mut scene, entity, radius, &mut names)?;
         }
     }
     let mut notes = names.notes;
-    scene.bounds = bounds(&scene);
+    scene.bounds = bounds::bounds(&scene);
     let lights = scene.emitters.len() + scene.points.len() + scene.directionals.len();
     if lights >= Alias::MAX_ITEMS {
         let problem = format!("{lights} triangles, spheres and other lights shine, more than {}", Alias::MAX_ITEMS - 1);
@@ -93,11 +107,11 @@ pub fn compile(desc: &SceneDesc) -> Result<(CompiledScene, Vec<Note>), SceneErro
     Ok((scene, notes))
 }
 
-fn in_range(p: Vec3) -> bool {
+pub(super) fn in_range(p: Vec3) -> bool {
     p.is_finite() && p.abs().max_element() <= MAX_COORDINATE
 }
 
-fn malformed(file: &Path, place: String, problem: String) -> SceneError {
+pub(super) fn malformed(file: &Path, place: String, problem: String) -> SceneError {
     SceneError::Malformed { file: file.to_owned(), place, problem }
 }
 
@@ -146,33 +160,36 @@ impl Names<'_> {
     }
 }
 
-fn add_mesh(
-    scene: &mut CompiledScene,
-    entity: &EntityDesc,
-    mesh: &MeshDesc,
-    names: &mut Names,
-) -> Result<(), SceneError> {
-    let place = format!("entities.{}", entity.name);
+/// The entities that have a mesh, with the rows of their materials.
+fn parts<'a>(scene: &mut CompiledScene, names: &mut Names<'a>) -> Result<Vec<Part<'a>>, SceneError> {
+    let mut checked = BTreeSet::new();
+    let mut parts = Vec::new();
+    let desc = names.desc;
+    for entity in &desc.entities {
+        let ShapeDesc::Mesh(mesh) = &entity.shape else { continue };
+        let place = format!("entities.{}", entity.name);
+        if checked.insert(Arc::as_ptr(mesh)) {
+            check_arrays(mesh).map_err(|problem| malformed(&mesh.file, place.clone(), problem))?;
+        }
+        let rows: Vec<u32> = match &entity.material {
+            Some(name) => vec![names.row(name, &mesh.file, &place); mesh.slots.len()],
+            None => mesh.slots.iter().map(|slot| names.row(slot, &mesh.file, &place)).collect(),
+        };
+        let rows = overridden(scene, rows, entity);
+        parts.push(Part { mesh, rows, place, to_world: entity.transform.to_world() });
+    }
+    Ok(parts)
+}
+
+fn add_mesh(scene: &mut CompiledScene, part: &Part, names: &mut Names) -> Result<(), SceneError> {
+    let Part { mesh, rows, place, to_world } = part;
     let fail = |problem: String| malformed(&mesh.file, place.clone(), problem);
-    check_arrays(mesh).map_err(&fail)?;
-    let rows: Vec<u32> = match &entity.material {
-        Some(name) => vec![names.row(name, &mesh.file, &place); mesh.slots.len()],
-        None => mesh.slots.iter().map(|slot| names.row(slot, &mesh.file, &place)).collect(),
-    };
-    let DAffine3 { matrix3: linear, translation: translate } = entity.transform.to_world();
-    // det(L) L^-T, which also exists where L flattens the mesh.
-    let cofactor = DMat3::from_cols(
-        linear.y_axis.cross(linear.z_axis),
-        linear.z_axis.cross(linear.x_axis),
-        linear.x_axis.cross(linear.y_axis),
-    );
-    let mirrors = linear.determinant() < 0.0;
-    let to_world_normal = cofactor * if mirrors { -1.0 } else { 1.0 };
-    let world: Vec<Vec3> = mesh.positions.iter().map(|p| (linear * p.as_dvec3() + translate).as_vec3()).collect();
+    let mirrors = part.mirrors();
+    let to_world_normal = cofactor(to_world.matrix3) * if mirrors { -1.0 } else { 1.0 };
+    let world: Vec<Vec3> = mesh.positions.iter().map(|p| to_world.transform_point3(p.as_dvec3()).as_vec3()).collect();
     if let Some(i) = world.iter().position(|p| !in_range(*p)) {
         return Err(fail(format!("its vertex {i} lies at {}, not within {MAX_COORDINATE:e} of the origin", world[i])));
     }
-    let rows = overridden(scene, rows, entity);
     let first = scene.triangles.len();
     let mut dropped = [0usize; 2];
     for (corners, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
@@ -189,7 +206,7 @@ fn add_mesh(
             Some(n) => (to_world_normal * n.as_dvec3()).try_normalize().map_or(front, DVec3::as_vec3),
             None => front,
         });
-        let emitter = if shines { push_emitter(scene, scene.triangles.len(), area) } else { NONE };
+        let emitter = if shines { push_emitter(scene, scene.triangles.len(), NONE, area) } else { NONE };
         scene.attributes.push(TriangleAttributes {
             normals: on_front_side(normals, front),
             uvs: corners.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
@@ -198,17 +215,23 @@ fn add_mesh(
         });
         scene.triangles.push(points);
     }
-    tangents::add(scene, first, !mesh.uvs.is_empty());
+    let uses = scene.attributes[first..].iter().any(|a| scene.uses_tangents(a.material));
+    tangents::add(scene, first, uses, !mesh.uvs.is_empty());
+    note_dropped(dropped, part, &mut names.notes);
+    Ok(())
+}
+
+/// Says how many triangles without area were left out, those that would shine apart.
+pub(super) fn note_dropped(dropped: [usize; 2], part: &Part, notes: &mut Vec<Note>) {
     for (n, what) in dropped.into_iter().zip(["", " of a light"]) {
         if n > 0 {
-            names.notes.push(Note {
-                file: mesh.file.clone(),
-                place: place.clone(),
+            notes.push(Note {
+                file: part.mesh.file.clone(),
+                place: part.place.clone(),
                 message: format!("triangles{what} without area: {n} left out"),
             });
         }
     }
-    Ok(())
 }
 
 fn check_arrays(mesh: &MeshDesc) -> Result<(), String> {
@@ -232,7 +255,7 @@ fn check_arrays(mesh: &MeshDesc) -> Result<(), String> {
 }
 
 /// Area and unit geometric normal, unless the triangle is too thin to have them.
-fn area_and_front(points: &[Vec3; 3]) -> Option<(f32, Vec3)> {
+pub(super) fn area_and_front(points: &[Vec3; 3]) -> Option<(f32, Vec3)> {
     let [a, b, c] = points.map(Vec3::as_dvec3);
     let cross = (b - a).cross(c - a);
     let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
@@ -243,7 +266,7 @@ fn area_and_front(points: &[Vec3; 3]) -> Option<(f32, Vec3)> {
 }
 
 /// Corner normals on the side of `front`: all turned round if their mean lies behind, and single ones tilted.
-fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
+pub(super) fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
     let mean: Vec3 = normals.iter().sum();
     normals.map(|n| if mean.dot(front) < 0.0 { -n } else { n }).map(|n| {
         let cosine = n.dot(front);
@@ -265,8 +288,8 @@ fn overridden(scene: &mut CompiledScene, rows: Vec<u32>, entity: &EntityDesc) ->
     rows.into_iter().map(copy).collect()
 }
 
-fn push_emitter(scene: &mut CompiledScene, primitive: usize, area: f32) -> u32 {
-    scene.emitters.push(Emitter { primitive: primitive as u32, area });
+pub(super) fn push_emitter(scene: &mut CompiledScene, primitive: usize, instance: u32, area: f32) -> u32 {
+    scene.emitters.push(Emitter { primitive: primitive as u32, instance, area });
     scene.emitters.len() as u32 - 1
 }
 
@@ -294,7 +317,7 @@ fn add_sphere(
     let area = 4.0 * std::f64::consts::PI * f64::from(radius).powi(2);
     let shines = scene.materials[material as usize].emission != Vec3::ZERO;
     let emitter = if shines && area as f32 > 0.0 {
-        push_emitter(scene, scene.triangles.len() + scene.spheres.len(), area as f32)
+        push_emitter(scene, scene.triangles.len() + scene.spheres.len(), NONE, area as f32)
     } else {
         if shines {
             names.notes.push(Note {
@@ -309,24 +332,12 @@ fn add_sphere(
     Ok(())
 }
 
-/// The box around everything; a point at the origin for nothing.
-fn bounds(scene: &CompiledScene) -> [Vec3; 2] {
-    let points = scene.triangles.iter().flatten().map(|p| (*p, *p));
-    let balls = scene.spheres.iter().map(|s| (s.center - s.radius, s.center + s.radius));
-    let join = |acc: Option<[Vec3; 2]>, (low, high): (Vec3, Vec3)| match acc {
-        Some([l, h]) => Some([l.min(low), h.max(high)]),
-        None => Some([low, high]),
-    };
-    points.chain(balls).fold(None, join).unwrap_or([Vec3::ZERO; 2])
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Affine3A;
 
     use super::*;
     use crate::scene::desc::{MaterialDesc, Transform, mesh_hash};
-    use std::sync::Arc;
 
     fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<MeshDesc> {
         let mut m = MeshDesc {

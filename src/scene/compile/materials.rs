@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::delays::{self, Delays};
 use super::{Interface, Material, NONE, Texture, UvMap};
 use crate::scene::desc::{
     DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot,
@@ -17,15 +18,19 @@ use crate::value::schema::{SchemaError, Ty};
 ///
 /// # Errors
 /// A parameter that is no finite number, or lies outside its range: loaders and edits leave none, code may.
-pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<(Vec<Material>, Vec<Texture>), SceneError> {
+pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<Compiled, SceneError> {
     desc.materials.iter().try_for_each(check)?;
     let mut bank = Bank::default();
     let mut rows: Vec<Material> = desc.materials.iter().map(|m| row(m, &mut bank, notes)).collect();
     if rows.is_empty() {
         rows.push(row(&MaterialDesc::new(DEFAULT_MATERIAL), &mut bank, notes));
     }
-    Ok((rows, bank.textures))
+    let delays = delays::compile(desc, &mut rows, &mut bank, notes)?;
+    Ok((rows, bank.textures, delays))
 }
+
+/// Rows, the textures that they name, and what they are composed of.
+type Compiled = (Vec<Material>, Vec<Texture>, Delays);
 
 /// Whether every number of a material means something.
 fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
@@ -123,18 +128,22 @@ pub fn diffuse_reflectance(ior: f32) -> f32 {
 
 /// Decoded textures, one per content and way of decoding.
 #[derive(Default)]
-struct Bank {
-    textures: Vec<Texture>,
+pub(super) struct Bank {
+    pub(super) textures: Vec<Texture>,
     /// By content, sRGB decoding, and whether values below 0 and above 1 are moved.
     index: BTreeMap<([u8; 32], bool, [bool; 2]), u32>,
 }
 
 impl Bank {
-    fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
+    pub(super) fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
         // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
         let float = matches!(desc.texels, Texels::RgbaF32(_));
         let bounded = match slot {
-            TextureSlot::Mask => [false; 2],
+            TextureSlot::Mask
+            | TextureSlot::DelayConstant
+            | TextureSlot::DelayRate
+            | TextureSlot::DelayMean
+            | TextureSlot::DelayWidth => [false; 2],
             TextureSlot::Emission => [float, false],
             _ => [float; 2],
         };
@@ -194,7 +203,7 @@ mod tests {
 
     fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
         let mut notes = Vec::new();
-        let (rows, textures) = rows(&scene(materials), &mut notes).unwrap();
+        let (rows, textures, _) = rows(&scene(materials), &mut notes).unwrap();
         (rows, textures, notes)
     }
 

@@ -1,44 +1,57 @@
 //! From a description to the flat arrays that a backend renders.
 
+mod bounds;
+mod delays;
 mod flatten;
+mod instance;
 mod lights;
 mod materials;
+mod share;
 mod tangents;
 mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
 
-pub use flatten::{MAX_PRIMITIVES, compile};
+pub use delays::{DelayParam, DelayProfile, Delays, Part};
+pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
+pub use instance::{Instance, Instances, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{Distribution, MaskMode, Model};
+pub use super::desc::{DelayKind, Distribution, MaskMode, Model};
 pub use materials::diffuse_reflectance;
+pub use share::{SHARED_FROM, Sharing};
 
 /// Marks the absence of a texture or of a light in an index.
 pub const NONE: u32 = u32::MAX;
 
-/// A scene ready to be rendered. Primitive ids count triangles first, spheres after them.
+/// A scene ready to be rendered. Primitive ids count triangles first, spheres after them; a triangle of a shared mesh is
+/// named by its id and the [`Instance`] that is meant.
 #[derive(Clone, Debug)]
 pub struct CompiledScene {
     /// blake3 of the description: equal scenes have equal hashes, whatever file they came from.
     pub content_hash: [u8; 32],
-    /// Positions of every triangle in world space; counter-clockwise seen from its front.
+    /// Positions of every triangle, counter-clockwise seen from its front: in world space, and behind those the triangles of
+    /// shared meshes in spaces of their own.
     pub triangles: Vec<[Vec3; 3]>,
     /// Everything else about the same triangle.
     pub attributes: Vec<TriangleAttributes>,
     /// Tangents at the corners of every triangle in MikkTSpace: a unit vector along growing u, and in `w` the sign of
     /// the bitangent `w (n x t)` that points along growing v. Empty if no material needs any; zero where there is none.
     pub tangents: Vec<[Vec4; 3]>,
+    /// Copies of meshes that are kept once.
+    pub instances: Instances,
     /// Analytic spheres.
     pub spheres: Vec<Sphere>,
     /// Material rows; primitives index them.
     pub materials: Vec<Material>,
+    /// What material rows are composed of, and when they give light back.
+    pub delays: Delays,
     /// Textures; material rows index them.
     pub textures: Vec<Texture>,
-    /// Emissive primitives, in order of primitive id.
+    /// Emissive primitives: triangles in the world in order of their id, those of each copy in turn, then spheres.
     pub emitters: Vec<Emitter>,
     /// Lights that are points.
     pub points: Vec<PointLight>,
@@ -63,9 +76,9 @@ pub struct TriangleAttributes {
     pub normals: [Vec3; 3],
     /// Texture coordinates at the corners.
     pub uvs: [Vec2; 3],
-    /// Row of [`CompiledScene::materials`].
+    /// Row of [`CompiledScene::materials`]; of a shared mesh its slot: see [`Instances::materials`].
     pub material: u32,
-    /// Row of [`CompiledScene::emitters`], or [`NONE`].
+    /// Row of [`CompiledScene::emitters`], or [`NONE`]; of a shared mesh see [`SharedMesh::shining`].
     pub emitter: u32,
 }
 
@@ -186,7 +199,9 @@ impl Interface {
 pub struct Emitter {
     /// Primitive id.
     pub primitive: u32,
-    /// Area in square scene units, positive.
+    /// The copy of a shared mesh that is meant, or [`NONE`].
+    pub instance: u32,
+    /// Area in world space, in square scene units, positive.
     pub area: f32,
 }
 
@@ -198,27 +213,21 @@ impl Material {
 }
 
 impl CompiledScene {
-    /// The material row of a primitive.
-    pub fn material_of(&self, primitive: u32) -> u32 {
-        let i = primitive as usize;
-        match self.attributes.get(i) {
-            Some(a) => a.material,
-            None => self.spheres[i - self.attributes.len()].material,
-        }
+    /// Whether shading a material row, or a part of it, needs tangents.
+    pub fn uses_tangents(&self, material: u32) -> bool {
+        let uses = |row: u32| self.materials[row as usize].uses_tangents();
+        uses(material) || self.delays.parts(material).iter().any(|part| uses(part.material))
     }
 
-    /// The emitter row of a primitive, or [`NONE`].
-    #[inline]
-    pub fn emitter_of(&self, primitive: u32) -> u32 {
-        let i = primitive as usize;
-        match self.attributes.get(i) {
-            Some(a) => a.emitter,
-            None => self.spheres[i - self.attributes.len()].emitter,
-        }
-    }
-
-    /// Number of primitives.
+    /// Number of primitives that are kept, those of a shared mesh once: see [`CompiledScene::flattened_count`].
     pub fn primitive_count(&self) -> usize {
         self.triangles.len() + self.spheres.len()
+    }
+
+    /// The corners of the box around everything, and the greatest distance of a surface from its middle; all zero for
+    /// nothing.
+    pub fn around(&self) -> ([Vec3; 2], f32) {
+        let [low, high] = bounds::bounds(self);
+        ([low, high], bounds::radius(self, low + (high - low) * 0.5))
     }
 }

@@ -5,12 +5,11 @@ use glam::Vec4;
 
 use super::CompiledScene;
 
-/// Gives tangents to the triangles from `first` on, which are one mesh, if a material of theirs needs any.
+/// Gives tangents to the triangles from `first` on, which are one mesh, if a material of theirs needs any, as `uses` says.
 ///
 /// Without texture coordinates no direction is that of growing u: the tangents are zero then, and shading takes an
 /// arbitrary frame.
-pub(super) fn add(scene: &mut CompiledScene, first: usize, has_uvs: bool) {
-    let uses = scene.attributes[first..].iter().any(|a| scene.materials[a.material as usize].uses_tangents());
+pub(super) fn add(scene: &mut CompiledScene, first: usize, uses: bool, has_uvs: bool) {
     if uses || !scene.tangents.is_empty() {
         scene.tangents.resize(scene.triangles.len(), [Vec4::ZERO; 3]);
     }

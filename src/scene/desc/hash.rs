@@ -7,6 +7,7 @@
 use blake3::Hasher;
 use glam::{Vec2, Vec3};
 
+use super::material::{MaterialParam, SURFACE};
 use super::{
     EntityDesc, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels,
 };
@@ -34,7 +35,7 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
     int(&mut h, u64::from(camera.focus_distance.is_some()));
     float(&mut h, camera.focus_distance.unwrap_or(0.0));
     int(&mut h, desc.materials.len() as u64);
-    desc.materials.iter().for_each(|m| material(&mut h, m));
+    desc.materials.iter().for_each(|m| material(&mut h, desc, m));
     int(&mut h, desc.entities.len() as u64);
     desc.entities.iter().for_each(|e| entity(&mut h, desc, e));
     lights(&mut h, desc);
@@ -74,8 +75,9 @@ fn lights(h: &mut Hasher, desc: &SceneDesc) {
     float(h, environment.scale);
 }
 
-fn material(h: &mut Hasher, m: &MaterialDesc) {
-    for row in MATERIAL_PARAMS {
+fn material(h: &mut Hasher, desc: &SceneDesc, m: &MaterialDesc) {
+    let (surface, delays) = MATERIAL_PARAMS.split_at(SURFACE.len());
+    for row in surface {
         (row.get)(m).hash_into(h);
     }
     int(h, u64::from(m.emitter_reflects));
@@ -84,6 +86,16 @@ fn material(h: &mut Hasher, m: &MaterialDesc) {
         int(h, *slot as u64);
         h.update(&texture.content_hash);
     }
+    // Written only where they say something, so that scenes without delays keep the hashes that they had before.
+    let plain = MaterialDesc::new("");
+    let said = |row: &MaterialParam| row.name != "parts" && (row.get)(m) != (row.get)(&plain);
+    for (i, row) in delays.iter().enumerate().filter(|(_, row)| said(row)) {
+        h.update(b"delay");
+        int(h, i as u64);
+        (row.get)(m).hash_into(h);
+    }
+    // Names do not count, but whom they mean does; the weights, one for each, say how many there are.
+    m.parts.iter().for_each(|name| int(h, desc.material_row(name).map_or(u64::MAX, |row| row as u64)));
 }
 
 fn entity(h: &mut Hasher, desc: &SceneDesc, e: &EntityDesc) {

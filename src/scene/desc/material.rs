@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+use super::delay::{self, DelayDesc};
 use super::{Distribution, MaskMode, Model, TextureDesc};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
 /// One row of [`MATERIAL_PARAMS`].
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct MaterialParam {
     /// Name in scripts: `set = { ["materials.NAME.<name>"] = .. }`.
     pub name: &'static str,
@@ -27,7 +28,7 @@ pub struct MaterialParam {
     /// Reads the parameter.
     pub get: fn(&MaterialDesc) -> Value,
     /// Writes the parameter; the value has been checked against `ty`.
-    set_checked: fn(&mut MaterialDesc, &Value),
+    pub(super) set_checked: fn(&mut MaterialDesc, &Value),
     /// The texture slot, if a texture makes sense.
     pub texture: Option<TextureSlot>,
 }
@@ -51,11 +52,19 @@ pub enum TextureSlot {
     AnisotropicDirection,
     /// A normal in the tangent frame of MikkTSpace, each channel moved from 0..=1 to -1..=1, green up; linear.
     Normal,
+    /// Its red channel multiplies the delay of a constant profile; linear.
+    DelayConstant,
+    /// Its red channel multiplies the rate of an exponential profile; linear.
+    DelayRate,
+    /// Its red channel multiplies the mean of an Epanechnikov profile; linear.
+    DelayMean,
+    /// Its red channel multiplies the width of an Epanechnikov profile; linear.
+    DelayWidth,
 }
 
 impl TextureSlot {
     /// Every slot, in order.
-    pub const ALL: [TextureSlot; 8] = [
+    pub const ALL: [TextureSlot; 12] = [
         TextureSlot::BaseColor,
         TextureSlot::Emission,
         TextureSlot::Mask,
@@ -64,6 +73,10 @@ impl TextureSlot {
         TextureSlot::Opacity,
         TextureSlot::AnisotropicDirection,
         TextureSlot::Normal,
+        TextureSlot::DelayConstant,
+        TextureSlot::DelayRate,
+        TextureSlot::DelayMean,
+        TextureSlot::DelayWidth,
     ];
 
     /// Name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
@@ -77,6 +90,10 @@ impl TextureSlot {
             TextureSlot::Opacity => "opacity_texture",
             TextureSlot::AnisotropicDirection => "anisotropic_direction_texture",
             TextureSlot::Normal => "normal_texture",
+            TextureSlot::DelayConstant => "delay_constant_texture",
+            TextureSlot::DelayRate => "delay_rate_texture",
+            TextureSlot::DelayMean => "delay_mean_texture",
+            TextureSlot::DelayWidth => "delay_width_texture",
         }
     }
 
@@ -87,15 +104,7 @@ impl TextureSlot {
 
     /// Whether eight-bit texels of this role are decoded from sRGB; data textures never are.
     pub fn is_srgb(self) -> bool {
-        match self {
-            TextureSlot::BaseColor | TextureSlot::Emission => true,
-            TextureSlot::Mask
-            | TextureSlot::Roughness
-            | TextureSlot::Metallic
-            | TextureSlot::Opacity
-            | TextureSlot::AnisotropicDirection
-            | TextureSlot::Normal => false,
-        }
+        matches!(self, TextureSlot::BaseColor | TextureSlot::Emission)
     }
 }
 
@@ -164,6 +173,12 @@ pub struct MaterialDesc {
     pub textures: Vec<(TextureSlot, Arc<TextureDesc>)>,
     /// Whether a surface that emits also reflects; `.scn` says no, Lumbre's own scenes say yes.
     pub emitter_reflects: bool,
+    /// When light is given back.
+    pub delay: DelayDesc,
+    /// Names of the materials of which this one is composed; none for a material of its own.
+    pub parts: Vec<String>,
+    /// Their weights, which sum to one.
+    pub weights: Vec<f32>,
 }
 
 impl MaterialDesc {
@@ -201,6 +216,9 @@ impl MaterialDesc {
             uv_offset: Vec2::ZERO,
             textures: Vec::new(),
             emitter_reflects: true,
+            delay: DelayDesc::default(),
+            parts: Vec::new(),
+            weights: Vec::new(),
         }
     }
 
@@ -302,7 +320,18 @@ pub const SMOOTH_ROUGHNESS: f32 = 0.01;
 pub const MASK_THRESHOLD: f32 = 0.5;
 
 /// Every material parameter. Defaults are those of [`MaterialDesc::new`].
-pub const MATERIAL_PARAMS: &[MaterialParam] = &[
+pub const MATERIAL_PARAMS: &[MaterialParam] = &{
+    let mut rows = [SURFACE[0]; SURFACE.len() + delay::ROWS.len()];
+    let mut i = 0;
+    while i < rows.len() {
+        rows[i] = if i < SURFACE.len() { SURFACE[i] } else { delay::ROWS[i - SURFACE.len()] };
+        i += 1;
+    }
+    rows
+};
+
+/// The rows that say what a surface does with light; [`delay`] has those that say when.
+pub(super) const SURFACE: &[MaterialParam] = &[
     vector!(
         base_color,
         "color",
@@ -548,6 +577,8 @@ mod tests {
                 Ty::Nums { len, .. } => Value::List([Value::Num(0.25), Value::Num(0.5), Value::Int(0)][..len].to_vec()),
                 Ty::Word(words) => Value::Str(words[1].to_owned()),
                 Ty::Bool => Value::Bool(true),
+                Ty::List(Ty::Str) => Value::List(vec!["a".into(), "b".into()]),
+                Ty::List(_) => Value::List(vec![Value::Num(0.25), Value::Num(0.75)]),
                 _ => Value::Num(0.25),
             };
             row.set(&mut m, "path", &other).unwrap();

@@ -1,6 +1,7 @@
 //! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
 
 mod camera;
+pub mod delay;
 mod hash;
 pub mod light;
 pub mod material;
@@ -12,6 +13,7 @@ use std::sync::Arc;
 use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 
 pub use camera::{CameraDesc, Optics};
+pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
 pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};

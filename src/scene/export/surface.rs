@@ -13,7 +13,7 @@ use glam::Vec3;
 use super::texture::{Textures, Use};
 use super::xml::Xml;
 use super::{Folder, whole};
-use crate::scene::desc::{Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
+use crate::scene::desc::{DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
 use crate::scene::{Note, SceneError};
 
 /// Writes one material as a surface with an id.
@@ -76,6 +76,12 @@ impl Surface<'_> {
         }
         if m.shadow_terminator {
             self.note("`shadow_terminator` has no counterpart: shadows end at the triangles");
+        }
+        if m.delay.kind != DelayKind::None {
+            self.note("it gives light back at once there");
+        }
+        if !m.parts.is_empty() {
+            self.note("its parts are not written: it is there what its own parameters say");
         }
         Ok(())
     }

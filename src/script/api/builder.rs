@@ -24,7 +24,9 @@ pub struct Builder {
     pub measure: Option<(Measure, Place)>,
     /// `x:stop(..)`.
     pub stop: Option<(Stop, Place)>,
-    /// `x:checkpoint(..)` and `x:deadline(..)`.
+    /// `x:control(..)`, with the function that chooses its points.
+    pub control: Option<Option<Function>>,
+    /// `x:checkpoint(..)`, `x:deadline(..)`, and what `experiment(..)` said of order and warm-up.
     pub night: NightSpec,
     /// `x:figure(..)`, in order.
     pub figures: Vec<(FigureSpec, Place)>,
@@ -55,7 +57,7 @@ pub enum Reference {
         /// Says how it differs from the cell.
         from: Option<Function>,
         /// When it is good enough.
-        stop: RuleObject,
+        stop: Stop,
         /// What it is compared with.
         agree: Option<Agree>,
         /// Where.
@@ -65,6 +67,8 @@ pub enum Reference {
     Image {
         /// As the script wrote it.
         file: String,
+        /// Who made it; empty if that was not said.
+        source: String,
         /// Where.
         place: Place,
     },
@@ -72,6 +76,8 @@ pub enum Reference {
     ImageOf {
         /// Says which.
         file: Function,
+        /// Who made them; empty if that was not said.
+        source: String,
     },
 }
 

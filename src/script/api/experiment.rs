@@ -7,9 +7,9 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::builder::{Agree, Builder, Head, Reference, Stop};
 use super::stop::{Allowed, rule_of};
-use super::{ApiFn, Args, Param, axis, kind, measure, report};
+use super::{ApiFn, Args, Param, axis, kind, measure, night, report};
 use crate::experiment::StopRule;
-use crate::experiment::spec::Deadline;
+use crate::experiment::spec::Order;
 use crate::script::error::ScriptError;
 use crate::script::source::Place;
 use crate::script::state::{Purpose, Shared};
@@ -38,6 +38,22 @@ pub const EXPERIMENT: Table = Table {
             required: false,
             default: "1",
             doc: "how often every cell is rendered, each time with other random numbers",
+        },
+        Field {
+            key: "order",
+            ty: Ty::Word(&Order::NAMES),
+            required: false,
+            default: "sequential",
+            doc: "the order of cells: that of the axes; one that the seed decides; or, with interleave, that of the axes \
+                  with the techniques of one picture taking turns of half a second, so that a machine that grows slower \
+                  does so for all of them",
+        },
+        Field {
+            key: "warmup",
+            ty: Ty::Table(&night::WARMUP),
+            required: false,
+            default: "none",
+            doc: "what every cell renders before its clock starts, with other random numbers, and throws away",
         },
     ],
 };
@@ -92,10 +108,11 @@ pub const REFERENCE: Table = Table {
         },
         Field {
             key: "stop",
-            ty: Ty::Object("StopRule"),
+            ty: Ty::Object("StopRule|fun(p: Point): StopRule"),
             required: false,
             default: "",
-            doc: "when the reference is good enough; needed unless `image` is given",
+            doc: "when the reference is good enough, or a function that says so of each cell's; needed unless `image` is \
+                  given",
         },
         Field {
             key: "agree",
@@ -110,6 +127,13 @@ pub const REFERENCE: Table = Table {
             required: false,
             default: "",
             doc: "an EXR file instead, relative to the current folder or else to the script's; or a function that says which",
+        },
+        Field {
+            key: "source",
+            ty: Ty::Str,
+            required: false,
+            default: "",
+            doc: "with `image`: who made it and how, in words that stand wherever the reference is named",
         },
     ],
 };
@@ -127,7 +151,7 @@ pub const GLOBALS: &[ApiFn] = &[ApiFn {
 }];
 
 /// Every method of the experiment, in the order of the annotations.
-pub const METHODS: &[&[ApiFn]] = &[axis::METHODS, OWN_METHODS, NIGHT_METHODS, measure::METHODS, report::METHODS];
+pub const METHODS: &[&[ApiFn]] = &[axis::METHODS, OWN_METHODS, night::METHODS, measure::METHODS, report::METHODS];
 
 const OWN_METHODS: &[ApiFn] = &[
     ApiFn {
@@ -167,58 +191,6 @@ const OWN_METHODS: &[ApiFn] = &[
     },
 ];
 
-/// The methods that say how nights go.
-pub const NIGHT_METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:checkpoint",
-        params: &[Param {
-            name: "every",
-            ty: "string|number",
-            doc: "Render time between two checkpoints: \"60s\", or seconds.",
-        }],
-        returns: "",
-        doc: "Says how often an unfinished cell is saved, so that a night that was cut off goes on in its middle. Without \
-              it, every 60 s of render time, and more rarely where saving would cost over 1 % of it.",
-        call: checkpoint,
-    },
-    ApiFn {
-        name: "x:deadline",
-        params: &[Param {
-            name: "at",
-            ty: "string",
-            doc: "A time of day such as \"08:00\", or a length such as \"7.5h\".",
-        }],
-        returns: "",
-        doc: "Says when a night ends, finished or not. Cells then come from coarse to fine, so that what is finished is a \
-              complete smaller grid. `--until` of the command line replaces it.",
-        call: deadline,
-    },
-];
-
-fn one_value(args: &Args, shared: &Rc<Shared>) -> Result<Value, ScriptError> {
-    args.at_most(shared, 1)?;
-    let found = args.values.first().cloned().unwrap_or(LuaValue::Nil);
-    strict::read(&found, args.name, args.name).map_err(|e| args.blame(shared, e))
-}
-
-fn checkpoint(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let every = duration_s(&one_value(args, shared)?).filter(|seconds| *seconds > 0.0);
-    let Some(every) = every else {
-        return Err(args.error(shared, "expected a duration above 0, such as \"60s\"", None));
-    };
-    shared.builder.borrow_mut().night.checkpoint_s = Some(every);
-    Ok(LuaValue::Nil)
-}
-
-fn deadline(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let Some(deadline) = Deadline::parse(&one_value(args, shared)?) else {
-        let problem = "expected a time of day such as \"08:00\" or a length such as \"7.5h\"";
-        return Err(args.error(shared, problem, None));
-    };
-    shared.builder.borrow_mut().night.deadline = Some(deadline);
-    Ok(LuaValue::Nil)
-}
-
 fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 2)?;
     let name = args.text(shared, 0, "name")?;
@@ -251,7 +223,14 @@ fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, S
     let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64);
     let object =
         super::method_object(lua, shared, METHODS.iter().copied().flatten(), "x").map_err(|e| shared.convert(&e))?;
-    shared.builder.borrow_mut().head = Some(Head {
+    // A table without fields is a list to whoever reads it.
+    let none = BTreeMap::new();
+    let warmup = fields.values.get("warmup").map(|value| night::warmup(value.as_map().unwrap_or(&none)));
+    let warmup = warmup.transpose().map_err(|e| args.blame(shared, e))?;
+    let order = fields.values.get("order").and_then(Value::as_str).and_then(Order::from_name);
+    let mut builder = shared.builder.borrow_mut();
+    (builder.night.order, builder.night.warmup) = (order.unwrap_or_default(), warmup);
+    builder.head = Some(Head {
         name,
         seed: integer("seed").map_or(0, i64::unsigned_abs),
         repeats: integer("repeats").and_then(|n| u32::try_from(n).ok()).unwrap_or(1),
@@ -329,6 +308,7 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
         Err(args.blame(shared, error))
     };
     let (from, rule, image) = (fields.objects.get("from"), fields.objects.get("stop"), fields.objects.get("image"));
+    let source = || fields.values.get("source").and_then(Value::as_str).unwrap_or_default().to_owned();
     let said = match (image, rule) {
         (Some(_), Some(_)) => return fail("stop", "an image is finished; it has no `stop`".to_owned(), None),
         (Some(_), None) if fields.values.contains_key("agree") => {
@@ -337,8 +317,13 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
         (Some(_), None) if from.is_some() => {
             return fail("from", "an image is finished; it has no `from`".to_owned(), None);
         }
-        (Some(LuaValue::String(s)), None) => Reference::Image { file: s.to_string_lossy(), place: args.place.clone() },
-        (Some(LuaValue::Function(f)), None) => Reference::ImageOf { file: f.clone() },
+        (None, _) if fields.values.contains_key("source") => {
+            return fail("source", "it says who made an `image`, and there is none".to_owned(), None);
+        }
+        (Some(LuaValue::String(s)), None) => {
+            Reference::Image { file: s.to_string_lossy(), source: source(), place: args.place.clone() }
+        }
+        (Some(LuaValue::Function(f)), None) => Reference::ImageOf { file: f.clone(), source: source() },
         (Some(other), None) => {
             return fail("image", format!("expected a file or a function, found {}", kind(other)), None);
         }
@@ -347,9 +332,13 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
             return Err(shared.sources.borrow().field(&args.place, "reference", "`stop` is missing", Some(help)));
         }
         (None, Some(rule)) => {
-            let Some(stop) = rule_of(rule) else {
-                let help = "one of stop.samples(n), stop.time(t), ..";
-                return fail("stop", format!("expected a stop rule, found {}", kind(rule)), Some(help));
+            let stop = match (rule_of(rule), rule) {
+                (Some(rule), _) => Stop::Rule(rule),
+                (None, LuaValue::Function(f)) => Stop::Function(f.clone()),
+                (None, _) => {
+                    let help = "one of stop.samples(n), stop.time(t), .., or a function that returns one";
+                    return fail("stop", format!("expected a stop rule, found {}", kind(rule)), Some(help));
+                }
             };
             let from = match from {
                 None => None,
@@ -380,6 +369,11 @@ pub fn cell_rules<'a>(builder: &Builder, columns: &'a [&'a str]) -> Allowed<'a> 
     Allowed { columns, unmeasured }
 }
 
+/// What `stop.when` may compare in a reference's rule: nothing.
+pub fn reference_rules<'a>(columns: &'a [&'a str]) -> Allowed<'a> {
+    Allowed { columns, unmeasured: Some("a reference is not measured against anything") }
+}
+
 /// Checks what can only be checked when the script has said everything.
 ///
 /// # Errors
@@ -403,9 +397,8 @@ pub fn check(builder: &Builder, head: &Head, shared: &Shared) -> Result<(), Scri
     if let Stop::Rule(rule) = stop {
         rule.check(shared, &cell_rules(builder, &columns))?;
     }
-    if let Some(Reference::Render { stop, .. }) = &builder.reference {
-        let unmeasured = Some("a reference is not measured against anything");
-        stop.check(shared, &Allowed { columns: &columns, unmeasured })?;
+    if let Some(Reference::Render { stop: Stop::Rule(rule), .. }) = &builder.reference {
+        rule.check(shared, &reference_rules(&columns))?;
     }
     report::check(builder, shared)
 }

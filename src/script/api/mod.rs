@@ -5,6 +5,7 @@ pub mod axis;
 pub mod builder;
 pub mod experiment;
 pub mod measure;
+pub mod night;
 pub mod render;
 pub mod report;
 pub mod stop;

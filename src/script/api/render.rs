@@ -6,10 +6,13 @@ use std::path::{Path, PathBuf};
 use crate::experiment::CellConfig;
 use crate::film::layer::{LAYER_NAMES, Layer};
 use crate::render::BACKENDS;
+use crate::render::hierarchy::{ACCEL, AccelSpec};
 use crate::scene::desc::TextureSlot;
 use crate::transport::camera::{FILTER_NAMES, FilterKind, FilterSpec};
+use crate::transport::flight::Timing;
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::transport::sampler::SAMPLER_NAMES;
+use crate::transport::timing::FILM;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_key, unknown_name};
 
@@ -217,7 +220,21 @@ pub const RENDER: Table = Table {
             doc: "layers to keep beside the picture, under films/ in the run's folder: { \"depth\", \"strategies\" }; a \
                   reference does not inherit them",
         },
+        Field {
+            key: "film",
+            ty: Ty::Table(&FILM),
+            required: false,
+            default: "the picture alone",
+            doc: "a time axis: { time = { bin = 0.01, bins = 300 } }; a reference does not inherit it",
+        },
         Field { key: "rr", ty: Ty::Table(&ROULETTE), required: false, default: "never", doc: "Russian roulette" },
+        Field {
+            key: "accel",
+            ty: Ty::Table(&ACCEL),
+            required: false,
+            default: "ploc",
+            doc: "how the hierarchy is built through which rays are traced; only times depend on it",
+        },
         Field {
             key: "backend",
             ty: Ty::Word(&BACKEND_NAMES),
@@ -295,8 +312,11 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
         filter: filter(&common),
         set: changes(&common, folder, path)?,
         films: films(common.get("films")),
+        timing: timing(common.get("film"), &at("film"))?,
         sampler: text(&common, "sampler").unwrap_or_else(|| SAMPLER_NAMES[0].to_owned()),
+        accel: common.get("accel").and_then(Value::as_map).map(AccelSpec::from_map).unwrap_or_default(),
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
+        fallback: None,
     })
 }
 
@@ -323,13 +343,13 @@ fn scene_options(value: Option<&Value>, path: &str) -> Result<BTreeMap<String, V
 }
 
 /// The render table of a reference: the cell's own, with the overrides' fields in their place. Tables in it (`set`,
-/// `aa`, `camera`, `rr`, `scene_options`) are merged field by field. Another integrator does not inherit the parameters of the cell's, and
-/// no reference inherits its layers: it is there to be measured against.
+/// `aa`, `camera`, `rr`, `accel`, `scene_options`) are merged field by field. Another integrator does not inherit the parameters of the cell's, and
+/// no reference inherits its layers, its time axis or its hierarchy: it is there to be measured against, whatever it took.
 pub fn merge(own: &BTreeMap<String, Value>, overrides: &BTreeMap<String, Value>) -> BTreeMap<String, Value> {
     let other = overrides.get("integrator").is_some_and(|i| own.get("integrator") != Some(i));
     let mut merged: BTreeMap<String, Value> = own
         .iter()
-        .filter(|(k, _)| (!other || is_common(k)) && *k != "films")
+        .filter(|(k, _)| (!other || is_common(k)) && !matches!(k.as_str(), "films" | "film" | "accel"))
         .map(|(k, v)| (k.clone(), v.clone()))
         .collect();
     for (key, value) in overrides {
@@ -397,6 +417,11 @@ fn films(value: Option<&Value>) -> Vec<Layer> {
     layers.sort();
     layers.dedup();
     layers
+}
+
+/// The time axis of a checked `film`.
+fn timing(value: Option<&Value>, path: &str) -> Result<Option<Timing>, SchemaError> {
+    value.and_then(Value::as_map).map_or(Ok(None), |film| Timing::from_film(film, path))
 }
 
 /// `set` and `camera` together: every change to the scene, by path.

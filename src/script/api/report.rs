@@ -19,8 +19,16 @@ use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 const MAX_REPORTS: usize = 64;
 
 /// Values of a table that need no metric.
-const PLAIN_VALUES: &[(&str, TableValue)] =
-    &[("samples", TableValue::Samples), ("render_s", TableValue::RenderS), ("mpaths_s", TableValue::MpathsPerS)];
+const PLAIN_VALUES: &[(&str, TableValue)] = &[
+    ("samples", TableValue::Samples),
+    ("render_s", TableValue::RenderS),
+    ("mpaths_s", TableValue::MpathsPerS),
+    ("mrays_s", TableValue::MraysPerS),
+    ("accel_build_s", TableValue::AccelBuildS),
+    ("accel_nodes", TableValue::AccelNodes),
+    ("accel_mib", TableValue::AccelMib),
+    ("accel_cost", TableValue::AccelCost),
+];
 
 /// The options of `x:figure`.
 pub const FIGURE: Table = Table {
@@ -285,7 +293,7 @@ pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
             match &table.value {
                 TableValue::Metric(name) => column(name, &columns, &plain, &at("value"), "value")?,
                 TableValue::TimeTo { column: name, .. } => column(name, &columns, &[], &at("value"), "value")?,
-                TableValue::Samples | TableValue::RenderS | TableValue::MpathsPerS => {}
+                _ => {}
             }
             table.rows.iter().try_for_each(|name| axis(name, &axes, &at("rows"), "rows"))?;
             table.cols.iter().try_for_each(|name| axis(name, &axes, &at("cols"), "cols"))?;

@@ -48,6 +48,35 @@ pub const WHEN: Table = Table {
     }],
 };
 
+/// The options of `stop.plateau`.
+pub const PLATEAU: Table = Table {
+    name: "PlateauOptions",
+    doc: "Options of stop.plateau.",
+    fields: &[
+        Field {
+            key: "slope",
+            ty: Ty::Num { min: -10.0, max: -1e-6 },
+            required: false,
+            default: "-0.1",
+            doc: "the exponent of render time with which an error has to fall at least; without bias it falls with -0.5",
+        },
+        Field {
+            key: "over",
+            ty: Ty::Num { min: 1.5, max: 1e6 },
+            required: false,
+            default: "4",
+            doc: "how far back it is looked, as a factor of render time: 4 is the last three quarters",
+        },
+        Field {
+            key: "p",
+            ty: Ty::Num { min: 1e-9, max: 0.5 },
+            required: false,
+            default: "0.01",
+            doc: "the probability of a slope as flat as the one that is found, if the error fell as asked, below which it counts",
+        },
+    ],
+};
+
 /// The constructors of stop rules.
 pub const RULES: &[ApiFn] = &[
     ApiFn {
@@ -86,6 +115,18 @@ pub const RULES: &[ApiFn] = &[
         returns: "StopRule",
         doc: "Stops when a metric passes a threshold.",
         call: when,
+    },
+    ApiFn {
+        name: "stop.plateau",
+        params: &[
+            Param { name: "column", ty: "string", doc: "A metric column of x:measure." },
+            Param { name: "options?", ty: "PlateauOptions", doc: "What counts as falling no more." },
+        ],
+        returns: "StopRule",
+        doc: "Stops when an error falls no more: when the slope of its logarithm over the logarithm of render time is \
+              significantly flatter than asked. Then time buys nothing, because only bias, or the noise of the reference, \
+              is left.",
+        call: plateau,
     },
     ApiFn {
         name: "stop.nan",
@@ -131,6 +172,7 @@ pub const RULES: &[ApiFn] = &[
 #[derive(Debug)]
 enum Rule {
     Leaf(StopRule),
+    /// A rule about a column.
     When(StopRule, String, Place),
     Predicate(Function),
     Any(Vec<RuleObject>),
@@ -208,9 +250,10 @@ impl RuleObject {
             Rule::Leaf(_) | Rule::Predicate(_) => Ok(()),
             Rule::Any(rules) | Rule::All(rules) => rules.iter().try_for_each(|r| r.check(shared, allowed)),
             Rule::Not(inner) => inner.check(shared, allowed),
-            Rule::When(_, column, place) => {
+            Rule::When(rule, column, place) => {
+                let function = if let StopRule::Plateau { .. } = rule { "stop.plateau" } else { "stop.when" };
                 let fail = |problem: String, help: Option<String>| {
-                    Err(shared.sources.borrow().field(place, "stop.when", problem, help))
+                    Err(shared.sources.borrow().field(place, function, problem, help))
                 };
                 if let Some(reason) = allowed.unmeasured {
                     return fail(format!("`{column}` cannot be compared here: {reason}"), None);
@@ -310,6 +353,20 @@ fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     };
     let hold = options.values.get("hold").and_then(Value::as_i64).and_then(|h| u32::try_from(h).ok()).unwrap_or(1);
     let rule = StopRule::When { column: column.clone(), op: *op, value, hold };
+    object(shared, lua, args, Rule::When(rule, column, args.place.clone()))
+}
+
+fn plateau(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let column = args.text(shared, 0, "column")?;
+    let options = match args.get(1) {
+        LuaValue::Nil => strict::Fields::default(),
+        LuaValue::Table(t) => strict::fields(&t, &PLATEAU, "stop.plateau", false).map_err(|e| args.blame(shared, e))?,
+        _ => return Err(args.wrong(shared, 1, "options", "a table such as { slope = -0.1 }")),
+    };
+    let number = |key: &str, default: f64| options.values.get(key).and_then(Value::as_f64).unwrap_or(default);
+    let (exponent, over, p) = (number("slope", -0.1), number("over", 4.0), number("p", 0.01));
+    let rule = StopRule::Plateau { column: column.clone(), exponent, over, p };
     object(shared, lua, args, Rule::When(rule, column, args.place.clone()))
 }
 

@@ -8,7 +8,8 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::fresnel::schlick_weight;
-use super::ggx::Ggx;
+use super::ggx::{Ggx, Half};
+use crate::math::elementary;
 
 /// Reflectance at normal incidence of index 1.5.
 const F0: f32 = 0.04;
@@ -46,23 +47,26 @@ impl Clearcoat {
 
     /// Density of normals: GTR with exponent 1, per solid angle.
     #[inline]
-    fn d(&self, h: Vec3) -> f32 {
+    fn d(&self, h: &Half) -> f32 {
         let a2 = self.alpha * self.alpha;
         // 1 + (a2 - 1) z^2, without the cancellation where z is near 1.
-        let s = h.x * h.x + h.y * h.y + a2 * h.z * h.z;
+        let s = h.across2 + a2 * h.along2;
         (a2 - 1.0) / (PI * a2.ln() * s)
     }
 
-    /// The value for two directions on the upper side.
+    /// The value for two directions on the upper side with these cosines; `cos_d` is that between either of them and
+    /// their half vector.
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3, h: Vec3) -> f32 {
-        0.25 * self.reflectance(wo.dot(h)) * self.d(h) * MASKING.masking_over_cos(wo) * MASKING.masking_over_cos(wi)
+    pub fn eval(&self, cos_o: f32, cos_i: f32, h: &Half, cos_d: f32) -> f32 {
+        let masking =
+            |cos: f32| MASKING.masking_at(cos, MASKING.alpha[0] * MASKING.alpha[1] * (1.0 - cos * cos).max(0.0));
+        0.25 * self.reflectance(cos_d) * self.d(h) * masking(cos_o) * masking(cos_i)
     }
 
     /// Density per solid angle of reflecting about a normal from [`Clearcoat::sample`].
     #[inline]
-    pub fn pdf_w(&self, wo: Vec3, h: Vec3) -> f32 {
-        self.d(h) * h.z / (4.0 * wo.dot(h)).max(1e-12)
+    pub fn pdf_w(&self, h: &Half, cos_d: f32) -> f32 {
+        self.d(h) * h.along2.sqrt() / (4.0 * cos_d).max(1e-12)
     }
 
     /// A normal with density `D cos` [Burley 2012, B.2].
@@ -71,7 +75,7 @@ impl Clearcoat {
         let a2 = self.alpha * self.alpha;
         let cos2 = ((1.0 - a2.powf(1.0 - u[0])) / (1.0 - a2)).clamp(0.0, 1.0);
         let r = (1.0 - cos2).sqrt();
-        let (sin, cos) = (2.0 * PI * u[1]).sin_cos();
+        let (sin, cos) = elementary::sin_cos(2.0 * PI * u[1]);
         Vec3::new(r * cos, r * sin, cos2.sqrt())
     }
 }

@@ -32,20 +32,26 @@ impl Diffuse {
     /// The value for two directions on the upper side (equations 4.15 to 4.17 of the first document, and sheen).
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        let (l, v) = (schlick_weight(wi.z), schlick_weight(wo.z));
         // The half vector's cosine with either direction, from their own: |wo + wi| = 2 cos.
-        let cos2_d = 0.5 + 0.5 * wo.dot(wi);
+        self.eval_at(wo.z, wi.z, 0.5 * (wo + wi).length())
+    }
+
+    /// The same for directions with these cosines, `cos_d` the one between either of them and their half vector.
+    #[inline]
+    pub fn eval_at(&self, cos_o: f32, cos_i: f32, cos_d: f32) -> Vec3 {
+        let (l, v) = (schlick_weight(cos_i), schlick_weight(cos_o));
+        let cos2_d = cos_d * cos_d;
         let ss90 = self.roughness * cos2_d;
         let fd90 = 0.5 + 2.0 * ss90;
         let mut value = (1.0 + (fd90 - 1.0) * l) * (1.0 + (fd90 - 1.0) * v);
         if self.subsurface > 0.0 {
             let fss = (1.0 + (ss90 - 1.0) * l) * (1.0 + (ss90 - 1.0) * v);
-            let flat = 1.25 * (fss * (1.0 / (wi.z + wo.z).max(1e-6) - 0.5) + 0.5);
+            let flat = 1.25 * (fss * (1.0 / (cos_i + cos_o).max(1e-6) - 0.5) + 0.5);
             value += (flat - value) * self.subsurface;
         }
         let mut f = self.base_color * (value * FRAC_1_PI);
         if self.sheen != Vec3::ZERO {
-            f += self.sheen * schlick_weight(cos2_d.max(0.0).sqrt());
+            f += self.sheen * schlick_weight(cos_d);
         }
         f
     }

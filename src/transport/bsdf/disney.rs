@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::clearcoat::Clearcoat;
 use super::diffuse::Diffuse;
 use super::fresnel;
-use super::ggx::Ggx;
+use super::ggx::{Ggx, Half};
 use super::{LobeSample, Local, Mode};
 use crate::math::warp;
 
@@ -48,12 +48,38 @@ pub struct Disney {
     pub estimate: Estimate,
 }
 
-/// Probabilities of choosing the lobes.
+/// Probabilities of choosing the lobes; all zero where nothing is reflected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Choice {
     diffuse: f32,
     reflection: f32,
     glass: f32,
     coat: f32,
+}
+
+/// What a BSDF knows of `wo` alone: made once for all directions that are joined to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct View {
+    /// `wo` in the local frame, mirrored to the upper side.
+    o: Vec3,
+    /// Whether it was mirrored.
+    below: bool,
+    /// The index of the lower side, as seen from there.
+    eta: f32,
+    choice: Choice,
+    /// Masking over the cosine.
+    masking: f32,
+}
+
+/// Two directions on the upper side, as far as reflection from one to the other depends on them.
+struct Pair {
+    /// Cosines with the normal, of `o` and of `i`.
+    cos: [f32; 2],
+    /// Masking over the cosine of `i`.
+    masking: f32,
+    /// Cosine between the half vector and either of them.
+    cos_d: f32,
+    half: Half,
 }
 
 /// What lobes are estimated to reflect, but for what depends on the direction: the part of [`Choice`] that is the same
@@ -135,124 +161,140 @@ impl Disney {
         Disney { estimate, ..self }
     }
 
-    /// Probabilities in proportion to what each lobe is estimated to reflect; `None` where nothing does.
+    /// Probabilities in proportion to what each lobe is estimated to reflect.
     #[inline]
-    fn choice(&self, cos_o: f32) -> Option<Choice> {
+    fn choice(&self, cos_o: f32) -> Choice {
         let Estimate { diffuse, reflection, rise } = self.estimate;
         let reflection = reflection + rise * fresnel::schlick_weight(cos_o);
-        let coat = self.coat.reflectance(cos_o);
+        let coat = if self.coat.strength > 0.0 { self.coat.reflectance(cos_o) } else { 0.0 };
         let total = diffuse + reflection + self.refractive + coat;
-        (total > 0.0).then(|| {
-            let scale = 1.0 / total;
-            Choice {
-                diffuse: diffuse * scale,
-                reflection: reflection * scale,
-                glass: self.refractive * scale,
-                coat: coat * scale,
-            }
-        })
+        if total <= 0.0 {
+            return Choice::default();
+        }
+        let scale = 1.0 / total;
+        Choice {
+            diffuse: diffuse * scale,
+            reflection: reflection * scale,
+            glass: self.refractive * scale,
+            coat: coat * scale,
+        }
+    }
+
+    /// What depends on `wo` alone.
+    #[inline]
+    pub fn view(&self, wo: Vec3) -> View {
+        let below = wo.z < 0.0;
+        let o = if below { flipped(wo) } else { wo };
+        View {
+            o,
+            below,
+            eta: if below { 1.0 / self.ior } else { self.ior },
+            choice: self.choice(o.z),
+            masking: if self.smooth { 0.0 } else { self.ggx.masking_over_cos(o) },
+        }
     }
 
     /// The value for `wo` and `wi` in the local frame.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3, mode: Mode) -> Vec3 {
-        let (o, i, ior) = self.upper(wo, wi);
-        self.density(o, i, ior, mode, None).0
+        self.evaluate::<false>(&self.view(wo), wi, mode).0
     }
 
     /// The density of [`Disney::sample`].
     #[inline]
     pub fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let (o, i, ior) = self.upper(wo, wi);
-        let Some(choice) = self.choice(o.z) else { return 0.0 };
-        self.density(o, i, ior, Mode::Radiance, Some(&choice)).1
+        self.evaluate::<false>(&self.view(wo), wi, Mode::Radiance).1[0]
     }
 
     /// [`Disney::eval`], [`Disney::pdf_w`] and the same with the directions exchanged, for little more than one of them. Without
     /// `REVERSE` that last density is left out.
     #[inline]
-    pub fn evaluate<const REVERSE: bool>(&self, wo: Vec3, wi: Vec3, mode: Mode) -> (Vec3, [f32; 2]) {
-        let (o, i, eta) = self.upper(wo, wi);
-        if o.z > 0.0 && i.z > 0.0 {
-            let choices = [self.choice(o.z), if REVERSE { self.choice(i.z) } else { None }];
-            return self.reflected(o, i, eta, choices.each_ref().map(Option::as_ref));
+    pub fn evaluate<const REVERSE: bool>(&self, view: &View, wi: Vec3, mode: Mode) -> (Vec3, [f32; 2]) {
+        let i = if view.below { flipped(wi) } else { wi };
+        if view.o.z <= 0.0 || i.z == 0.0 {
+            return (Vec3::ZERO, [0.0; 2]);
+        }
+        if i.z > 0.0 {
+            return self.reflected::<REVERSE>(view, &Pair::new(&self.ggx, view.o, i));
         }
         if self.refractive <= 0.0 {
             return (Vec3::ZERO, [0.0; 2]);
         }
-        let (f, pdf_w) = self.density(o, i, eta, mode, self.choice(o.z).as_ref());
-        (f, [pdf_w, if REVERSE { self.pdf_w(wi, wo) } else { 0.0 }])
+        let (f, pdf_w) = self.transmitted(view, i, mode);
+        (f, [pdf_w, if REVERSE { self.pdf_w(wi, view.wo()) } else { 0.0 }])
     }
 
-    /// Both directions mirrored so that `wo` is on the upper side, and the index of the lower one.
+    /// [`Disney::evaluate`] for directions on one side of a surface that is alike in all directions: what it is is said
+    /// by the directions in world space and their cosines with the normal `n`, and no local frame is needed.
     #[inline]
-    fn upper(&self, wo: Vec3, wi: Vec3) -> (Vec3, Vec3, f32) {
-        if wo.z >= 0.0 {
-            (wo, wi, self.ior)
-        } else {
-            (Vec3::new(wo.x, wo.y, -wo.z), Vec3::new(wi.x, wi.y, -wi.z), 1.0 / self.ior)
-        }
+    pub fn evaluate_round<const REVERSE: bool>(
+        &self,
+        view: &View,
+        wo: Vec3,
+        wi: Vec3,
+        n: Vec3,
+        cos_i: f32,
+    ) -> (Vec3, [f32; 2]) {
+        let sum = wo + wi;
+        let cos = [view.o.z, cos_i.abs()];
+        let along = cos[0] + cos[1];
+        let across = sum - n * along.copysign(cos_i);
+        let alpha2 = self.ggx.alpha[0] * self.ggx.alpha[0];
+        let across2 = across.length_squared();
+        let (half, cos_d) = Half::of_sum(along, across2, across2 * alpha2, sum.length_squared());
+        let masking = self.ggx.masking_at(cos[1], alpha2 * (1.0 - cos[1] * cos[1]).max(0.0));
+        self.reflected::<REVERSE>(view, &Pair { cos, masking, cos_d, half })
     }
 
-    /// Value and, given the probabilities of the lobes, density, of all lobes that have one.
+    /// Whether it is alike in all directions around the normal.
     #[inline]
-    fn density(&self, o: Vec3, i: Vec3, eta: f32, mode: Mode, choice: Option<&Choice>) -> (Vec3, f32) {
-        if o.z <= 0.0 || i.z == 0.0 {
-            return (Vec3::ZERO, 0.0);
-        }
-        if i.z > 0.0 {
-            let (f, [pdf_w, _]) = self.reflected(o, i, eta, [choice, None]);
-            (f, pdf_w)
-        } else {
-            self.transmitted(o, i, eta, mode, choice)
-        }
+    pub fn is_round(&self) -> bool {
+        self.ggx.alpha[0] == self.ggx.alpha[1]
     }
 
-    /// Value and densities of reflection: of `i` given `o` and of `o` given `i`, each where the probabilities of the lobes
-    /// seen from there are given, and else zero.
+    /// Value and densities of reflection: of `i` given `o` and, with `REVERSE`, of `o` given `i`.
     #[inline(always)]
-    fn reflected(&self, o: Vec3, i: Vec3, eta: f32, choices: [Option<&Choice>; 2]) -> (Vec3, [f32; 2]) {
+    fn reflected<const REVERSE: bool>(&self, view: &View, pair: &Pair) -> (Vec3, [f32; 2]) {
+        let [cos_o, cos_i] = pair.cos;
+        let from_o = &view.choice;
+        let from_i = if REVERSE { self.choice(cos_i) } else { Choice::default() };
         let mut f = Vec3::ZERO;
         let mut pdf = [0.0; 2];
-        let mut add = |densities: [f32; 2], probability: fn(&Choice, f32) -> f32, r: f32| {
-            for (k, choice) in choices.iter().enumerate() {
-                if let Some(c) = choice {
-                    pdf[k] += probability(c, r) * densities[k];
-                }
-            }
-        };
         if self.opaque > 0.0 {
-            f += self.diffuse.eval(o, i) * self.opaque;
-            add([i.z, o.z].map(warp::cosine_hemisphere_pdf_w), |c, _| c.diffuse, 0.0);
+            f = self.diffuse.eval_at(cos_o, cos_i, pair.cos_d) * self.opaque;
+            let [to_i, to_o] = [cos_i, cos_o].map(warp::cosine_hemisphere_pdf_w);
+            pdf = [from_o.diffuse * to_i, from_i.diffuse * to_o];
         }
-        let h = (o + i).normalize_or(Vec3::Z);
-        let cos = o.dot(h);
         if !self.smooth {
-            let d = 0.25 * self.ggx.d(h);
-            let seen = [o, i].map(|w| self.ggx.masking_over_cos(w));
-            let mut reflectance = self.opaque_reflectance(cos);
+            let d = 0.25 * self.ggx.d_at(&pair.half);
+            let seen = [view.masking * d, pair.masking * d];
+            let mut reflectance = self.opaque_reflectance(pair.cos_d);
             let mut r = 0.0;
             if self.refractive > 0.0 && !self.smooth_glass() {
-                r = fresnel::dielectric(cos, eta).reflectance;
+                r = fresnel::dielectric(pair.cos_d, view.eta).reflectance;
                 reflectance += Vec3::splat(self.refractive * r);
             }
-            f += reflectance * (seen[0] * d * seen[1]);
-            add(seen.map(|masking| masking * d), |c, r| c.reflection + c.glass * r, r);
+            f += reflectance * (seen[0] * pair.masking);
+            pdf[0] += (from_o.reflection + from_o.glass * r) * seen[0];
+            pdf[1] += (from_i.reflection + from_i.glass * r) * seen[1];
         }
         if self.coat.strength > 0.0 {
-            f = f * self.coat.passes(o.z, i.z) + Vec3::splat(self.coat.eval(o, i, h));
-            add([self.coat.pdf_w(o, h); 2], |c, _| c.coat, 0.0);
+            let density = self.coat.pdf_w(&pair.half, pair.cos_d);
+            f = f * self.coat.passes(cos_o, cos_i) + Vec3::splat(self.coat.eval(cos_o, cos_i, &pair.half, pair.cos_d));
+            pdf[0] += from_o.coat * density;
+            pdf[1] += from_i.coat * density;
         }
-        (f, pdf)
+        (f, if REVERSE { pdf } else { [pdf[0], 0.0] })
     }
 
-    /// Rough refraction [Walter et al. 2007, equations 17 and 21]; `eta` is the index of the side of `i` over that of
-    /// the side of `o`. Radiance is compressed into `1 / eta^2` of the solid angle that importance is.
+    /// Rough refraction into `i` on the lower side [Walter et al. 2007, equations 17 and 21]. Radiance is compressed into
+    /// `1 / eta^2` of the solid angle that importance is.
     #[inline]
-    fn transmitted(&self, o: Vec3, i: Vec3, eta: f32, mode: Mode, choice: Option<&Choice>) -> (Vec3, f32) {
+    fn transmitted(&self, view: &View, i: Vec3, mode: Mode) -> (Vec3, f32) {
         if self.refractive <= 0.0 || self.smooth_glass() {
             return (Vec3::ZERO, 0.0);
         }
+        let (o, eta) = (view.o, view.eta);
         let h = (o + i * eta).normalize_or(Vec3::Z);
         let h = if h.z < 0.0 { -h } else { h };
         let (dot_o, dot_i) = (o.dot(h), i.dot(h));
@@ -261,14 +303,14 @@ impl Disney {
         }
         let passes = 1.0 - fresnel::dielectric(dot_o, eta).reflectance;
         let bend = dot_o + eta * dot_i;
-        let common = passes * self.ggx.pdf_over_dot(o, h) * dot_o * -dot_i / (bend * bend);
+        let common = passes * view.masking * self.ggx.d(h) * dot_o * -dot_i / (bend * bend);
         let scale = match mode {
             Mode::Radiance => 1.0,
             Mode::Importance => eta * eta,
         };
-        let masking = self.ggx.masking_over_cos(Vec3::new(i.x, i.y, -i.z));
+        let masking = self.ggx.masking_over_cos(flipped(i));
         let f = self.tint() * (self.refractive * common * masking * scale * self.coat.passes(o.z, i.z));
-        (f, choice.map_or(0.0, |c| c.glass * common * eta * eta))
+        (f, view.choice.glass * common * eta * eta)
     }
 
     /// What passes through once: entering and leaving carries the base colour [Burley 2015, 5.3].
@@ -280,88 +322,98 @@ impl Disney {
     /// Samples a direction: a lobe by `u`, a direction in it by `v`; the weight is that of the whole mixture. With
     /// `REVERSE` the density of `wo` given that direction comes along, else zero; for Dirac lobes it is zero.
     #[inline]
-    pub fn sample<const REVERSE: bool>(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<(Local, f32)> {
-        let (o, _, eta) = self.upper(wo, wo);
-        if o.z <= 0.0 {
+    pub fn sample<const REVERSE: bool>(&self, view: &View, u: f32, v: [f32; 2], mode: Mode) -> Option<(Local, f32)> {
+        let View { o, eta, choice: c, .. } = *view;
+        if o.z <= 0.0 || c == Choice::default() {
             return None;
         }
-        let c = self.choice(o.z)?;
-        let (mut s, mut reverse) = if u < c.diffuse {
-            self.finish::<REVERSE>(o, warp::cosine_hemisphere(v), eta, mode, &c)?
+        let wi = if u < c.diffuse {
+            warp::cosine_hemisphere(v)
         } else if u < c.diffuse + c.reflection {
             if self.smooth {
                 let wi = Vec3::new(-o.x, -o.y, o.z);
                 let weight = self.opaque_reflectance(o.z) / c.reflection * self.coat.passes(o.z, o.z);
-                (Local::new(LobeSample { wi, weight, eta: 1.0 }, c.reflection, true), 0.0)
-            } else {
-                let wi = mirrored(o, self.ggx.sample(o, v));
-                if wi.z <= 0.0 {
-                    return None;
-                }
-                self.finish::<REVERSE>(o, wi, eta, mode, &c)?
+                return Some(view.turned(Local::new(LobeSample { wi, weight, eta: 1.0 }, c.reflection, true), 0.0));
             }
+            mirrored(o, self.ggx.sample(o, v))
         } else if u < c.diffuse + c.reflection + c.glass || c.coat <= 0.0 {
             let rest = ((u - c.diffuse - c.reflection) / c.glass).clamp(0.0, 1.0);
             if self.smooth_glass() {
-                (self.smooth_refraction(o, rest, eta, mode, &c)?, 0.0)
-            } else {
-                let h = self.ggx.sample(o, v);
-                let reflectance = fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
-                let wi = if rest < reflectance { mirrored(o, h) } else { refracted(o, h, eta)? };
-                if (wi.z > 0.0) != (rest < reflectance) {
-                    return None;
-                }
-                self.finish::<REVERSE>(o, wi, eta, mode, &c)?
+                return Some(view.turned(self.smooth_refraction(view, rest, mode)?, 0.0));
             }
+            let h = self.ggx.sample(o, v);
+            let reflects = rest < fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
+            let wi = if reflects { mirrored(o, h) } else { refracted(o, h, eta)? };
+            if (wi.z > 0.0) != reflects {
+                return None;
+            }
+            return self.finish::<REVERSE>(view, wi, mode);
         } else {
             let h = self.coat.sample(v);
             if o.dot(h) <= 0.0 {
                 return None;
             }
-            let wi = mirrored(o, h);
-            if wi.z <= 0.0 {
-                return None;
-            }
-            self.finish::<REVERSE>(o, wi, eta, mode, &c)?
+            mirrored(o, h)
         };
-        if wo.z < 0.0 {
-            s.sample.wi.z = -s.sample.wi.z;
-        }
-        if REVERSE && !s.delta && s.sample.wi.z * wo.z < 0.0 {
-            reverse = self.pdf_w(s.sample.wi, wo);
-        }
-        Some((s, reverse))
+        if wi.z <= 0.0 { None } else { self.finish::<REVERSE>(view, wi, mode) }
     }
 
-    /// A sampled direction with the weight and density of the whole mixture; with `REVERSE` also the density of `o` given
-    /// it, where it is reflected.
+    /// A sampled direction with the weight and density of the whole mixture; with `REVERSE` also the density of `wo` given
+    /// it.
     #[inline]
-    fn finish<const REVERSE: bool>(
-        &self,
-        o: Vec3,
-        i: Vec3,
-        eta: f32,
-        mode: Mode,
-        choice: &Choice,
-    ) -> Option<(Local, f32)> {
-        let (f, [pdf_w, reverse]) = if REVERSE && i.z > 0.0 {
-            self.reflected(o, i, eta, [Some(choice), self.choice(i.z).as_ref()])
+    fn finish<const REVERSE: bool>(&self, view: &View, i: Vec3, mode: Mode) -> Option<(Local, f32)> {
+        let (f, [pdf_w, reverse]) = if i.z > 0.0 {
+            self.reflected::<REVERSE>(view, &Pair::new(&self.ggx, view.o, i))
         } else {
-            let (f, pdf_w) = self.density(o, i, eta, mode, Some(choice));
-            (f, [pdf_w, 0.0])
+            let (f, pdf_w) = self.transmitted(view, i, mode);
+            let back = || self.pdf_w(if view.below { flipped(i) } else { i }, view.wo());
+            (f, [pdf_w, if REVERSE && i.z < 0.0 { back() } else { 0.0 }])
         };
         let weight = f * (i.z.abs() / pdf_w);
-        let eta = if i.z < 0.0 { eta } else { 1.0 };
-        let local = || (Local::new(LobeSample { wi: i, weight, eta }, pdf_w, false), reverse);
+        let eta = if i.z < 0.0 { view.eta } else { 1.0 };
+        let local = || view.turned(Local::new(LobeSample { wi: i, weight, eta }, pdf_w, false), reverse);
         (pdf_w > 0.0 && weight.is_finite()).then(local)
     }
 
     #[inline]
-    fn smooth_refraction(&self, o: Vec3, u: f32, eta: f32, mode: Mode, choice: &Choice) -> Option<Local> {
-        let (mut s, probability) = super::dielectric::sample(self.base_color, eta, o, u, mode)?;
-        s.weight *= self.refractive / choice.glass * self.coat.passes(o.z, s.wi.z);
-        Some(Local::new(s, choice.glass * probability, true))
+    fn smooth_refraction(&self, view: &View, u: f32, mode: Mode) -> Option<Local> {
+        let (o, glass) = (view.o, view.choice.glass);
+        let (mut s, probability) = super::dielectric::sample(self.base_color, view.eta, o, u, mode)?;
+        s.weight *= self.refractive / glass * self.coat.passes(o.z, s.wi.z);
+        Some(Local::new(s, glass * probability, true))
     }
+}
+
+impl View {
+    /// `wo` in the local frame.
+    #[inline]
+    fn wo(&self) -> Vec3 {
+        if self.below { flipped(self.o) } else { self.o }
+    }
+
+    /// What was sampled with `wo` on the upper side, for the side where it is.
+    #[inline]
+    fn turned(&self, mut s: Local, reverse: f32) -> (Local, f32) {
+        if self.below {
+            s.sample.wi.z = -s.sample.wi.z;
+        }
+        (s, reverse)
+    }
+}
+
+impl Pair {
+    /// Two directions in the local frame.
+    #[inline]
+    fn new(ggx: &Ggx, o: Vec3, i: Vec3) -> Pair {
+        let sum = o + i;
+        let (half, cos_d) = ggx.half(sum);
+        Pair { cos: [o.z, i.z], masking: ggx.masking_over_cos(i), cos_d, half }
+    }
+}
+
+#[inline]
+fn flipped(w: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, -w.z)
 }
 
 #[inline]

@@ -6,6 +6,8 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::Vec3;
 
+use crate::math::elementary;
+
 /// The least alpha: the same bound as the program of the first document and Mitsuba have.
 pub const MIN_ALPHA: f32 = 0.001;
 
@@ -14,6 +16,31 @@ pub const MIN_ALPHA: f32 = 0.001;
 pub struct Ggx {
     /// Roughness along the tangent and the bitangent.
     pub alpha: [f32; 2],
+}
+
+/// The half vector of two directions, as far as densities of microfacets depend on it: all parts are of the unit vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Half {
+    /// The cosine with the normal, squared.
+    pub along2: f32,
+    /// The squared part across the normal.
+    pub across2: f32,
+    /// The same with each axis times alpha of the other one.
+    pub stretched2: f32,
+}
+
+impl Half {
+    /// Of the sum of two unit vectors, given in those parts and with its squared length; and the cosine between it and
+    /// either of them. A sum of nothing has the normal for a half vector.
+    #[inline]
+    pub fn of_sum(along: f32, across2: f32, stretched2: f32, length2: f32) -> (Half, f32) {
+        let scale = 1.0 / length2;
+        if !scale.is_finite() {
+            return (Half { along2: 1.0, across2: 0.0, stretched2: 0.0 }, 0.0);
+        }
+        let half = Half { along2: along * along * scale, across2: across2 * scale, stretched2: stretched2 * scale };
+        (half, (0.5 * length2.sqrt()).min(1.0))
+    }
 }
 
 impl Ggx {
@@ -29,14 +56,27 @@ impl Ggx {
         Ggx { alpha: [(alpha / aspect).max(MIN_ALPHA), (alpha * aspect).max(MIN_ALPHA)] }
     }
 
+    /// The parts of the half vector of two directions with this sum, and its cosine with them: see [`Half::of_sum`].
+    #[inline]
+    pub fn half(&self, sum: Vec3) -> (Half, f32) {
+        let [ax, ay] = self.alpha;
+        let (x, y) = (sum.x * ay, sum.y * ax);
+        Half::of_sum(sum.z, sum.x * sum.x + sum.y * sum.y, x * x + y * y, sum.length_squared())
+    }
+
     /// Density D of microfacet normals per solid angle and area of the macroscopic surface [Walter et al. 2007].
     #[inline]
     pub fn d(&self, h: Vec3) -> f32 {
-        let [ax, ay] = self.alpha;
+        let (x, y) = (h.x * self.alpha[1], h.y * self.alpha[0]);
+        self.d_at(&Half { along2: h.z * h.z, across2: h.x * h.x + h.y * h.y, stretched2: x * x + y * y })
+    }
+
+    /// The same for a half vector.
+    #[inline]
+    pub fn d_at(&self, h: &Half) -> f32 {
         // 1 / (pi ax ay ((x / ax)^2 + (y / ay)^2 + z^2)^2), with one division.
-        let area = ax * ay;
-        let (x, y, z) = (h.x * ay, h.y * ax, h.z * area);
-        let s = x * x + y * y + z * z;
+        let area = self.alpha[0] * self.alpha[1];
+        let s = h.stretched2 + h.along2 * (area * area);
         FRAC_1_PI * area * area * area / (s * s)
     }
 
@@ -44,7 +84,14 @@ impl Ggx {
     #[inline]
     pub fn masking_over_cos(&self, w: Vec3) -> f32 {
         let (x, y) = (self.alpha[0] * w.x, self.alpha[1] * w.y);
-        2.0 / (w.z + (w.z * w.z + x * x + y * y).sqrt())
+        self.masking_at(w.z, x * x + y * y)
+    }
+
+    /// The same for a direction with this cosine, whose part across the normal has this square when each axis is
+    /// multiplied by its alpha.
+    #[inline]
+    pub fn masking_at(&self, cos: f32, spread2: f32) -> f32 {
+        2.0 / (cos + (cos * cos + spread2).sqrt())
     }
 
     /// Density with which [`Ggx::sample`] finds the normal `h`, over `wo . h`: the Jacobian of a reflection cancels it.
@@ -59,7 +106,7 @@ impl Ggx {
     pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         let [ax, ay] = self.alpha;
         let w = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize_or(Vec3::Z);
-        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let (sin, cos) = elementary::sin_cos(TAU * u[0]);
         let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;
         let r = (1.0 - z * z).max(0.0).sqrt();
         let h = Vec3::new(r * cos, r * sin, z) + w;

@@ -117,6 +117,15 @@ impl Interface {
         Some(s)
     }
 
+    /// Index of the inside relative to the outside; 1 where nothing gets in.
+    #[inline]
+    pub fn index_inside(&self) -> f32 {
+        match self {
+            Interface::Glass(g) if !g.thin => g.ior,
+            _ => 1.0,
+        }
+    }
+
     /// Index of the side that `wo` does not lie on, relative to the side that it does.
     #[inline]
     fn eta_below(&self, wo: Vec3) -> f32 {

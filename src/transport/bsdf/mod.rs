@@ -124,14 +124,35 @@ pub struct BsdfValue {
     pub reverse_pdf_w: f32,
 }
 
+impl BsdfValue {
+    /// Where no light passes.
+    const NONE: BsdfValue = BsdfValue { f: Vec3::ZERO, pdf_w: 0.0, reverse_pdf_w: 0.0 };
+}
+
 /// The BSDF at a point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Bsdf {
     frame: Frame,
     n_geometric: Vec3,
+    /// Whether the shading normal is that of the real surface.
+    flat: bool,
     /// Whether light may arrive below the real surface: see [`super::surface::Overhang`].
     overhang: bool,
     kind: Kind,
+}
+
+/// One direction of a BSDF, the one to where the path came from, with all that depends on it alone: made once, and used
+/// for every direction that is joined to it.
+#[derive(Clone, Copy, Debug)]
+pub struct Outgoing {
+    /// The unit direction.
+    pub wo: Vec3,
+    /// The same in the local frame.
+    local: Vec3,
+    /// Whether the real surface allows it.
+    agrees: bool,
+    /// For the model `disney`.
+    view: disney::View,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -187,7 +208,20 @@ impl Bsdf {
                 Kind::Disney(disney.ready())
             }
         };
-        Bsdf { frame: frame(surface), n_geometric: surface.n_geometric, overhang: surface.overhang.is_some(), kind }
+        let n_geometric = surface.n_geometric;
+        let flat = surface.n_shading == n_geometric;
+        Bsdf { frame: frame(surface), n_geometric, flat, overhang: surface.overhang.is_some(), kind }
+    }
+
+    /// What depends on `wo` alone.
+    #[inline]
+    pub fn outgoing(&self, wo: Vec3) -> Outgoing {
+        let local = self.frame.to_local(wo);
+        let view = match &self.kind {
+            Kind::Disney(k) => k.view(local),
+            Kind::Ideal(_) | Kind::Interface(_) => disney::View::default(),
+        };
+        Outgoing { wo, local, agrees: self.agrees(wo, local.z), view }
     }
 
     /// Value `f` without cosine, of the lobes that have one: Dirac lobes evaluate to zero.
@@ -204,7 +238,7 @@ impl Bsdf {
         };
         match mode {
             Mode::Radiance => f,
-            Mode::Importance => f * self.adjoint(wo, wi, o, i),
+            Mode::Importance => f * self.adjoint(wo, wi, o.z, i.z),
         }
     }
 
@@ -221,37 +255,71 @@ impl Bsdf {
     /// Value and both densities at once: much cheaper than one by one.
     #[inline]
     pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: Mode) -> BsdfValue {
-        self.values::<true>(wo, wi, mode)
+        self.values::<true>(&self.outgoing(wo), wi, mode)
     }
 
-    /// Value and density of `wi` given `wo`; cheaper still, for integrators that have no use for the other one.
+    /// The same for many directions `wi`.
     #[inline]
-    pub fn evaluate_forward(&self, wo: Vec3, wi: Vec3, mode: Mode) -> (Vec3, f32) {
-        let value = self.values::<false>(wo, wi, mode);
+    pub fn evaluate_from(&self, out: &Outgoing, wi: Vec3, mode: Mode) -> BsdfValue {
+        self.values::<true>(out, wi, mode)
+    }
+
+    /// Value and density of `wi` given the other direction; cheaper still, for integrators that have no use for the density
+    /// of the way back.
+    #[inline]
+    pub fn evaluate_forward(&self, out: &Outgoing, wi: Vec3, mode: Mode) -> (Vec3, f32) {
+        let value = self.values::<false>(out, wi, mode);
         (value.f, value.pdf_w)
     }
 
     /// [`Bsdf::evaluate`]; without `REVERSE` the reverse density is zero.
     #[inline]
-    fn values<const REVERSE: bool>(&self, wo: Vec3, wi: Vec3, mode: Mode) -> BsdfValue {
-        let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
+    fn values<const REVERSE: bool>(&self, out: &Outgoing, wi: Vec3, mode: Mode) -> BsdfValue {
+        let o = out.local;
+        let cos_i = wi.dot(self.frame.n);
         let (f, [pdf_w, reverse_pdf_w]) = match &self.kind {
-            Kind::Ideal(k) => (k.eval(o, i), [k.pdf_w(o, i), k.pdf_w(i, o)]),
-            Kind::Disney(k) => k.evaluate::<REVERSE>(o, i, mode),
-            Kind::Interface(k) => k.evaluate(o, i, mode),
+            Kind::Ideal(k) => {
+                let i = self.frame.to_local(wi);
+                (k.eval(o, i), [k.pdf_w(o, i), if REVERSE { k.pdf_w(i, o) } else { 0.0 }])
+            }
+            Kind::Disney(k) if k.is_round() && o.z * cos_i > 0.0 => {
+                k.evaluate_round::<REVERSE>(&out.view, out.wo, wi, self.frame.n, cos_i)
+            }
+            Kind::Disney(k) => k.evaluate::<REVERSE>(&out.view, self.frame.to_local(wi), mode),
+            Kind::Interface(k) => k.evaluate(o, self.frame.to_local(wi), mode),
         };
+        if self.flat {
+            let lets_through = out.agrees && cos_i != 0.0;
+            let value = BsdfValue { f, pdf_w, reverse_pdf_w: if REVERSE { reverse_pdf_w } else { 0.0 } };
+            return if lets_through { value } else { BsdfValue::NONE };
+        }
         let f = match mode {
             Mode::Radiance => f,
-            Mode::Importance => f * self.adjoint(wo, wi, o, i),
+            Mode::Importance => f * self.adjoint(out.wo, wi, o.z, cos_i),
         };
-        let lets_through = |w: Vec3, local: Vec3, other: Vec3, l: Vec3, mode: Mode| {
-            self.agrees(w, local) && self.lets_in(other, l, local, mode)
-        };
+        let lets_in = |mode| out.agrees && self.lets_in(wi, cos_i, o.z, mode);
+        let returns = || self.agrees(wi, cos_i) && self.lets_in(out.wo, o.z, cos_i, Mode::Radiance);
         BsdfValue {
-            f: if lets_through(wo, o, wi, i, mode) { f } else { Vec3::ZERO },
-            pdf_w: if lets_through(wo, o, wi, i, Mode::Radiance) { pdf_w } else { 0.0 },
-            reverse_pdf_w: if REVERSE && lets_through(wi, i, wo, o, Mode::Radiance) { reverse_pdf_w } else { 0.0 },
+            f: if lets_in(mode) { f } else { Vec3::ZERO },
+            pdf_w: if lets_in(Mode::Radiance) { pdf_w } else { 0.0 },
+            reverse_pdf_w: if REVERSE && returns() { reverse_pdf_w } else { 0.0 },
         }
+    }
+
+    /// Ratio of the index of the medium on the side of `wi` to that on the side of `wo`: 1 where both are on one side, and
+    /// where there is no inside.
+    #[inline]
+    pub fn index_ratio(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let o = wo.dot(self.frame.n);
+        if o * wi.dot(self.frame.n) >= 0.0 {
+            return 1.0;
+        }
+        let inside = match &self.kind {
+            Kind::Ideal(k) => k.ior,
+            Kind::Disney(k) => k.ior,
+            Kind::Interface(k) => k.index_inside(),
+        };
+        if o > 0.0 { inside } else { 1.0 / inside }
     }
 
     /// Whether any lobe has a density, so that a connection to a light can carry something.
@@ -268,74 +336,91 @@ impl Bsdf {
     /// reflection and refraction; `v` chooses within a lobe that has a density.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<BsdfSample> {
-        self.samples::<false>(wo, u, v, mode).map(|(sample, _)| sample)
+        self.sample_from(&self.outgoing(wo), u, v, mode)
+    }
+
+    /// The same where more than that is asked of one direction.
+    #[inline]
+    pub fn sample_from(&self, out: &Outgoing, u: f32, v: [f32; 2], mode: Mode) -> Option<BsdfSample> {
+        self.samples::<false>(out, u, v, mode).map(|(sample, _)| sample)
     }
 
     /// The same, with the density of `wo` given the direction; zero for a Dirac lobe. Cheaper than asking for it by itself.
     #[inline]
-    pub fn sample_with_reverse(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<(BsdfSample, f32)> {
-        self.samples::<true>(wo, u, v, mode)
+    pub fn sample_with_reverse(&self, out: &Outgoing, u: f32, v: [f32; 2], mode: Mode) -> Option<(BsdfSample, f32)> {
+        self.samples::<true>(out, u, v, mode)
     }
 
     /// [`Bsdf::sample_with_reverse`]; without `REVERSE` the reverse density is zero.
     #[inline]
-    fn samples<const REVERSE: bool>(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<(BsdfSample, f32)> {
-        let o = self.frame.to_local(wo);
+    fn samples<const REVERSE: bool>(
+        &self,
+        out: &Outgoing,
+        u: f32,
+        v: [f32; 2],
+        mode: Mode,
+    ) -> Option<(BsdfSample, f32)> {
+        if !out.agrees {
+            return None;
+        }
+        let o = out.local;
         let (Local { sample, pdf_w, delta }, reverse) = match &self.kind {
             Kind::Ideal(k) => {
                 let s = k.sample(o, u, v, mode)?;
                 let reverse = if REVERSE && !s.delta { k.pdf_w(s.sample.wi, o) } else { 0.0 };
                 (s, reverse)
             }
-            Kind::Disney(k) => k.sample::<REVERSE>(o, u, v, mode)?,
+            Kind::Disney(k) => k.sample::<REVERSE>(&out.view, u, v, mode)?,
             Kind::Interface(k) => {
                 let s = k.sample(o, u, v, mode)?;
                 let reverse = if REVERSE && !s.delta { k.evaluate(o, s.sample.wi, mode).1[1] } else { 0.0 };
                 (s, reverse)
             }
         };
+        let i = sample.wi.z;
         let wi = self.frame.to_world(sample.wi);
-        if pdf_w <= 0.0 || !self.agrees(wo, o) || !self.lets_in(wi, sample.wi, o, mode) {
+        if pdf_w <= 0.0 || !self.lets_in(wi, i, o.z, mode) {
             return None;
         }
         let weight = match mode {
             Mode::Radiance => sample.weight,
-            Mode::Importance => sample.weight * self.adjoint(wo, wi, o, sample.wi),
+            Mode::Importance => sample.weight * self.adjoint(out.wo, wi, o.z, i),
         };
-        let returns = REVERSE && self.agrees(wi, sample.wi) && self.lets_in(wo, o, sample.wi, Mode::Radiance);
+        let returns = REVERSE && self.agrees(wi, i) && self.lets_in(out.wo, o.z, i, Mode::Radiance);
         let reverse = if returns { reverse } else { 0.0 };
         Some((BsdfSample { wi, weight, pdf_w, delta, eta: sample.eta }, reverse))
     }
 
-    /// Whether a direction is on the same side of the real surface and of the one that the shading normal suggests.
-    /// Where it is not, light would leak through or an inside be taken for an outside: such directions are black.
+    /// Whether a direction, of cosine `cos` with the shading normal, is on the same side of the real surface and of the one
+    /// that the shading normal suggests. Where it is not, light would leak through or an inside be taken for an outside:
+    /// such directions are black.
     #[inline]
-    fn agrees(&self, w: Vec3, local: Vec3) -> bool {
-        w.dot(self.n_geometric) * local.z > 0.0
+    fn agrees(&self, w: Vec3, cos: f32) -> bool {
+        if self.flat { cos != 0.0 } else { w.dot(self.n_geometric) * cos > 0.0 }
     }
 
-    /// Whether light may pass between `wi` and a direction that is allowed: where the surface has an overhang, light that
-    /// arrives from below the real surface is reflected as well.
+    /// Whether light may pass between `wi` and a direction that is allowed, of these cosines with the shading normal: where
+    /// the surface has an overhang, light that arrives from below the real surface is reflected as well.
     #[inline]
-    fn lets_in(&self, wi: Vec3, i: Vec3, o: Vec3, mode: Mode) -> bool {
-        self.agrees(wi, i) || (self.overhang && mode == Mode::Radiance && o.z * i.z > 0.0)
+    fn lets_in(&self, wi: Vec3, cos_i: f32, cos_o: f32, mode: Mode) -> bool {
+        self.agrees(wi, cos_i) || (self.overhang && mode == Mode::Radiance && cos_o * cos_i > 0.0)
     }
 
     /// Both directions in the local frame, if the real surface allows light between them.
     #[inline]
     fn local_pair(&self, wo: Vec3, wi: Vec3, mode: Mode) -> Option<(Vec3, Vec3)> {
         let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        (self.agrees(wo, o) && self.lets_in(wi, i, o, mode)).then_some((o, i))
+        (self.agrees(wo, o.z) && self.lets_in(wi, i.z, o.z, mode)).then_some((o, i))
     }
 
     /// |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|): light arrives on the real surface, but a camera path weighs it
     /// with the shading normal's cosine [Veach 1997, equation 5.19].
     #[inline]
-    fn adjoint(&self, wo: Vec3, wi: Vec3, o: Vec3, i: Vec3) -> f32 {
-        if self.frame.n == self.n_geometric {
+    fn adjoint(&self, wo: Vec3, wi: Vec3, cos_o: f32, cos_i: f32) -> f32 {
+        if self.flat {
             return 1.0;
         }
-        let factor = (o.z * wi.dot(self.n_geometric)) / (wo.dot(self.n_geometric) * i.z);
+        let factor = (cos_o * wi.dot(self.n_geometric)) / (wo.dot(self.n_geometric) * cos_i);
         if factor.is_finite() { factor.abs() } else { 0.0 }
     }
 }

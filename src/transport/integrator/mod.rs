@@ -8,6 +8,7 @@ pub mod settings;
 
 use super::camera::Camera;
 use super::contribution::Contribution;
+use super::flight::Timing;
 use super::light::Lights;
 use super::ray::Trace;
 use super::sampler::Sampler;
@@ -32,6 +33,8 @@ pub struct Context<'a> {
     pub rr_start: Option<u32>,
     /// The integrator's own parameters.
     pub settings: &'a Settings,
+    /// What a film with a time axis asks; without one, lengths are not counted.
+    pub timing: Option<&'a Timing>,
 }
 
 /// Hands every contribution of one sample of one pixel to the sink.

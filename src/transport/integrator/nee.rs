@@ -6,8 +6,9 @@ use glam::Vec3;
 use super::{Context, IntegratorRow, Settings, settings};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::bsdf::{Bsdf, Mode, Outgoing};
 use crate::transport::contribution::Contribution;
+use crate::transport::flight::{self, Chance, Flight};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::sampler::Sampler;
@@ -19,7 +20,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
     long_name: "backward path tracing with next event estimation",
-    revision: 2,
+    revision: 3,
     doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
           meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
           where no connection could find it: seen directly or after a specular event.",
@@ -52,16 +53,18 @@ fn weight_of_hit(settings: &Settings, last: Option<Last>, pdf_w: impl FnOnce(Vec
 fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     let Context { scene, lights, settings, .. } = *context;
     let mut ray = context.camera.sample_ray(pixel, sampler);
+    let mut chance = Chance::new(context, sampler);
+    let mut flight = Flight::of_camera(context, &ray, chance.emission(context));
     let mut throughput = Vec3::ONE;
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     let mut eta_scale = 1.0f32;
     let mut last = None;
     let mut over: Option<Overhang> = None;
     for depth in 1..=context.max_depth {
-        let mut found = |radiance: Vec3, s: u32, weight: f32| {
+        let mut found = |radiance: Vec3, weight: f32, length: f64| {
             if radiance != Vec3::ZERO {
                 let unweighted = throughput * radiance;
-                sink(Contribution { pixel, value: unweighted * weight, unweighted, s, t: depth + 1 - s });
+                sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 0, t: depth + 1, length });
             }
         };
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
@@ -74,15 +77,15 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
                         lights.pdf_environment_w(ray.dir)
                     }
                 };
-                found(radiance, 0, weight_of_hit(settings, last, pdf_w));
+                found(radiance, weight_of_hit(settings, last, pdf_w), flight.escaped(context, ray.dir));
             }
             break;
         };
         // The last edge finds light or nothing.
-        if depth == context.max_depth && scene.emitter_of(hit.primitive) == NONE {
+        if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
             break;
         }
-        let surface = Surface::at(scene, &ray, &hit);
+        let surface = flight.arrive(context, &ray, &hit, &mut chance);
         if over.is_some_and(|o| !o.reaches(surface.position)) {
             break;
         }
@@ -97,19 +100,22 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
                     lights.pdf_direct_w(scene, from, i, at, n)
                 }
             };
-            found(emitted, 0, weight_of_hit(settings, last, pdf_w));
+            found(emitted, weight_of_hit(settings, last, pdf_w), flight.stamp().arrived());
         }
         if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
             break;
         }
         let bsdf = Bsdf::new(&surface, &scene.textures);
+        let out = bsdf.outgoing(wo);
         if bsdf.has_density() {
             let mut join = |surface: &Surface, direct: Option<DirectSample>| {
                 if let Some(direct) = direct
-                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, wo, &direct)
+                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, &out, &direct)
                 {
                     let unweighted = throughput * radiance;
-                    sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1 });
+                    let to = (direct.wi, direct.distance);
+                    let length = flight::of_direct(context, &flight.stamp(), &bsdf, wo, surface.position, to);
+                    sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1, length });
                 }
             };
             for surface in std::iter::once(surface).chain(surface.raised()) {
@@ -125,7 +131,7 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
             }
         }
         let choice = sampler.next_1d();
-        let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
+        let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { break };
         throughput *= s.weight;
         eta_scale *= s.eta * s.eta;
         over = surface.overhang_into(s.wi);
@@ -141,13 +147,20 @@ fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut 
         if throughput == Vec3::ZERO {
             break;
         }
+        flight.leave(surface.position, s.eta);
         ray = surface.spawn(s.wi);
     }
 }
 
-/// Radiance that leaves along `wo` for light that arrives from a sampled point, and its weight; `None` in shadow.
-fn connect(context: &Context, surface: &Surface, bsdf: &Bsdf, wo: Vec3, direct: &DirectSample) -> Option<(Vec3, f32)> {
-    let (f, pdf_w) = bsdf.evaluate_forward(wo, direct.wi, Mode::Radiance);
+/// Radiance that leaves along `out` for light that arrives from a sampled point, and its weight; `None` in shadow.
+fn connect(
+    context: &Context,
+    surface: &Surface,
+    bsdf: &Bsdf,
+    out: &Outgoing,
+    direct: &DirectSample,
+) -> Option<(Vec3, f32)> {
+    let (f, pdf_w) = bsdf.evaluate_forward(out, direct.wi, Mode::Radiance);
     let radiance = f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
     let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
     if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {

@@ -19,15 +19,16 @@ pub(super) fn sphere(scene: &CompiledScene, i: u32) -> Option<&Sphere> {
 pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
     let light = LightId::Emitter(i);
     let p = scene.emitters[i as usize].primitive as usize;
-    match scene.triangles.get(p) {
-        Some([a, b, c]) => {
+    match scene.attributes.get(p) {
+        Some(attributes) => {
+            let [a, b, c] = scene.corners(p as u32, scene.emitters[i as usize].instance);
             let [v, w] = warp::uniform_triangle(u);
             let u = 1.0 - v - w;
-            let [ta, tb, tc] = scene.attributes[p].uvs;
+            let [ta, tb, tc] = attributes.uvs;
             LightPoint {
                 light,
-                position: *a * u + *b * v + *c * w,
-                normal: (*b - *a).cross(*c - *a).normalize_or_zero(),
+                position: a * u + b * v + c * w,
+                normal: (b - a).cross(c - a).normalize_or_zero(),
                 uv: ta * u + tb * v + tc * w,
             }
         }
@@ -83,5 +84,6 @@ pub(super) fn emission(scene: &CompiledScene, i: u32, uv: Vec2) -> Vec3 {
 /// The material of emitter `i`.
 #[inline]
 pub(super) fn material(scene: &CompiledScene, i: u32) -> &Material {
-    &scene.materials[scene.material_of(scene.emitters[i as usize].primitive) as usize]
+    let emitter = &scene.emitters[i as usize];
+    &scene.materials[scene.material_of(emitter.primitive, emitter.instance) as usize]
 }

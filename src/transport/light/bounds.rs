@@ -21,16 +21,8 @@ pub(crate) struct Ball {
 impl Ball {
     /// The ball about the middle of the scene's box; radius zero without surfaces.
     pub fn around(scene: &CompiledScene) -> Ball {
-        let corners = || scene.triangles.iter().flatten().map(|p| (*p, 0.0));
-        let balls = || corners().chain(scene.spheres.iter().map(|s| (s.center, s.radius)));
-        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (low, high) = balls().fold(start, |(low, high), (p, r)| (low.min(p - r), high.max(p + r)));
-        if !low.is_finite() || !high.is_finite() {
-            return Ball { center: Vec3::ZERO, radius: 0.0 };
-        }
-        let center = low + (high - low) * 0.5;
-        let radius = balls().map(|(p, r)| p.distance(center) + r).fold(0.0, f32::max);
-        Ball { center, radius: radius * MARGIN }
+        let ([low, high], radius) = scene.around();
+        Ball { center: low + (high - low) * 0.5, radius: radius * MARGIN }
     }
 
     /// Area of a disk of the ball's radius.

@@ -213,6 +213,13 @@ impl Lights {
         self.surroundings.as_ref().map_or(Vec3::ZERO, |s| s.radiance(dir))
     }
 
+    /// How far the wave front of a light without a place, in the unit direction `wi`, still has to go to `from` when it
+    /// touches the ball around all surfaces; negative for points beyond it.
+    #[inline]
+    pub fn lead(&self, from: Vec3, wi: Vec3) -> f32 {
+        self.ball.radius - (from - self.ball.center).dot(wi)
+    }
+
     /// Light that arrives at `from`; `None` where the drawn point cannot shine there.
     #[inline]
     pub fn sample_direct(&self, scene: &CompiledScene, from: Vec3, choice: f32, u: [f32; 2]) -> Option<DirectSample> {

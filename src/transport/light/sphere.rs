@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use glam::Vec3;
 
-use crate::math::Frame;
+use crate::math::{Frame, elementary};
 use crate::scene::compile::Sphere;
 
 /// A direction to a sphere and the point of its front that it meets.
@@ -58,7 +58,7 @@ pub(super) fn sample(sphere: &Sphere, from: Vec3, u: [f32; 2]) -> Option<ConeSam
     let cos = 1.0 - q;
     let sin2 = q * (2.0 - q);
     let sin = sin2.sqrt();
-    let (sin_phi, cos_phi) = (TAU * u[1]).sin_cos();
+    let (sin_phi, cos_phi) = elementary::sin_cos(TAU * u[1]);
     // The angle at the centre between the point and where the sphere is nearest is that at the point, by the law of
     // sines, less that at `from`. Its sine is computed by itself: near the surface its cosine says nothing of it.
     let rim = (sin / cone.sin).min(1.0);

@@ -21,7 +21,19 @@ impl Independent {
             sample as u32,
             ((seed >> 32) as u32) ^ ((sample >> 32) as u32).rotate_left(16),
         ]);
+        Independent::keyed(key)
+    }
+
+    /// The numbers of a key, four random words.
+    #[inline]
+    pub(super) fn keyed(key: [u32; 4]) -> Independent {
         Independent { key, block: 0, words: [0; 4], used: 4 }
+    }
+
+    /// The key.
+    #[inline]
+    pub(super) fn key(&self) -> [u32; 4] {
+        self.key
     }
 
     /// The next number, in `[0, 1)`.

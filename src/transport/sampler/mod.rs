@@ -10,6 +10,8 @@ mod sobol;
 pub use independent::Independent;
 pub use sobol::Sobol;
 
+use crate::math::rng::pcg4d;
+
 /// The numbers of one sample of one pixel. Nothing but key and order decides a number, so that any range of samples has
 /// the same numbers in any grouping into waves and on any thread.
 #[derive(Clone, Debug)]
@@ -50,7 +52,21 @@ impl Sampler {
             Sampler::Sobol(s) => s.next_2d(),
         }
     }
+
+    /// Numbers beside these, independent of them and of each other: what takes them changes none of the sampler's own. They
+    /// are those of the same sample wherever the sampler stands.
+    #[inline]
+    pub fn aside(&self) -> Independent {
+        let key = match self {
+            Sampler::Independent(s) => s.key(),
+            Sampler::Sobol(s) => s.key_of_sample(),
+        };
+        Independent::keyed(pcg4d([key[0] ^ ASIDE, key[1], key[2], key[3]]))
+    }
 }
+
+/// Tells the numbers [beside](Sampler::aside) a sampler's own from them.
+const ASIDE: u32 = 0x7f4a_7c15;
 
 /// Starts the numbers of one sample of one pixel.
 pub type StartFn = fn(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler;

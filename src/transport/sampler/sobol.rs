@@ -59,6 +59,13 @@ impl Sobol {
         Sobol { key, reversed, group: 0, words: [0; 4], point: 0, singles: SINGLES, pair: false }
     }
 
+    /// Random words of the pixel's sequence and of the place in it.
+    #[inline]
+    pub(super) fn key_of_sample(&self) -> [u32; 4] {
+        let [a, b, c, d] = self.key;
+        pcg4d([a, b, c ^ self.reversed, d])
+    }
+
     /// The next number, in `[0, 1)`.
     #[inline]
     pub fn next_1d(&mut self) -> f32 {

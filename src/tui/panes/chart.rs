@@ -48,9 +48,11 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         return;
     }
     let threshold = model.stop_rule(current.cell).and_then(|rule| threshold(rule, &spec.column));
-    // The cells before stand behind, so that techniques can be compared while they render.
+    // The cells before, and those that take turns with this one, stand behind, so that techniques can be compared while they render.
     let past = model.past.iter().filter(|(cell, _)| *cell != current.cell);
-    let past: Vec<Vec<(f64, f64)>> = past.map(|(_, curve)| self::points(curve, view)).collect();
+    let rivals = model.rivals.values().map(|rival| &rival.curve);
+    let others = past.map(|(_, curve)| curve.as_ref()).chain(rivals);
+    let past: Vec<Vec<(f64, f64)>> = others.map(|curve| self::points(curve, view)).collect();
     plot(frame, inner, look, spec, &Lines { points, past, threshold, floor: model.floor_of(view.metric) });
 }
 

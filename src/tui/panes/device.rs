@@ -10,14 +10,23 @@ use crate::tui::device::Reading;
 use crate::tui::look::Look;
 use crate::tui::model::Model;
 use crate::tui::view::View;
-use crate::tui::words;
+use crate::tui::{words, workers};
 
 /// Rows of the pane, its frame included.
 pub const ROWS: u16 = 6;
 
+/// Rows of the pane, its frame included, on a screen of so many.
+pub fn rows(model: &Model, screen: u16) -> u16 {
+    let listed = workers::rows_wanted(model.workers.len()).saturating_add(2);
+    listed.clamp(ROWS, (screen / 3).max(ROWS))
+}
+
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
+    if !model.workers.is_empty() {
+        return list(frame, area, model, look);
+    }
     let current = model.current.as_ref();
     let backend = current.and_then(|current| model.config(current.cell)).map(|config| words::clean(&config.backend));
     let mut title = vec![Span::styled(" Device ", look.strong())];
@@ -45,6 +54,20 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         lines.extend(reading(look, width, "cpu", &gauges.cpu, gauges.resident));
     }
     lines.truncate(usize::from(inner.height));
+    frame.render_widget(Paragraph::new(lines), inner);
+}
+
+/// The workers instead, where there are several.
+fn list(frame: &mut Frame, area: Rect, model: &Model, look: Look) {
+    let lost = model.workers.iter().filter(|worker| worker.lost).count();
+    let mut title = vec![Span::styled(format!(" Workers {} ", model.workers.len() - lost), look.strong())];
+    if lost > 0 {
+        title.push(Span::styled(format!("{lost} lost "), look.bad()));
+    }
+    let block = pane(look, Line::from(title));
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let lines = workers::lines(look, &model.workers, usize::from(inner.width), usize::from(inner.height));
     frame.render_widget(Paragraph::new(lines), inner);
 }
 

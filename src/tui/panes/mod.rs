@@ -47,12 +47,12 @@ pub struct Regions {
 }
 
 /// Divides the screen.
-pub fn regions(area: Rect, focus: Focus) -> Regions {
+pub fn regions(area: Rect, focus: Focus, model: &Model) -> Regions {
     let [title, body, hints] =
         Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1)]).areas(area);
     let panes = match (area.width, area.height) {
-        (160.., 40..) => three_columns(body, focus),
-        (80.., 24..) => two_columns(body, focus),
+        (160.., 40..) => three_columns(body, focus, device::rows(model, area.height)),
+        (80.., 24..) => two_columns(body, focus, device::rows(model, area.height)),
         _ => stack(body, focus),
     };
     Regions { title, hints, ..panes }
@@ -90,7 +90,7 @@ fn stack(body: Rect, focus: Focus) -> Regions {
     }
 }
 
-fn two_columns(body: Rect, focus: Focus) -> Regions {
+fn two_columns(body: Rect, focus: Focus, device_rows: u16) -> Regions {
     let left_width = (body.width * 2 / 5).clamp(32, 56);
     let [left, right] = columns(body, [Constraint::Length(left_width), Constraint::Fill(1)]);
     let cell_height = if body.height >= 34 { 12 } else { 9 };
@@ -105,16 +105,16 @@ fn two_columns(body: Rect, focus: Focus) -> Regions {
     let [chart, log] = rows(rest, [Constraint::Fill(1), Constraint::Length(log_height)]);
     // Half blocks make square pixels, so a square picture is half as many rows high as it is columns wide.
     let picture_height = (left_width / 2 + 1).min(body.height / 2);
-    let device_height = if body.height >= 34 { device::ROWS } else { 0 };
+    let device_height = if body.height >= 34 { device_rows } else { 0 };
     let heights = [Constraint::Fill(1), Constraint::Length(device_height), Constraint::Length(picture_height)];
     let [plan, device, picture] = rows(left, heights);
     Regions { plan, cell, chart, device, picture, log, ..Regions::default() }
 }
 
-fn three_columns(body: Rect, focus: Focus) -> Regions {
+fn three_columns(body: Rect, focus: Focus, device_rows: u16) -> Regions {
     let [left, middle, right] = columns(body, [Constraint::Fill(5), Constraint::Fill(6), Constraint::Fill(6)]);
     let [cell, chart] = rows(middle, [Constraint::Length(12), Constraint::Fill(1)]);
-    let [plan, device] = rows(left, [Constraint::Fill(1), Constraint::Length(device::ROWS)]);
+    let [plan, device] = rows(left, [Constraint::Fill(1), Constraint::Length(device_rows)]);
     if focus == Focus::Plan {
         return large(focus, body, Regions::default());
     }
@@ -138,7 +138,7 @@ pub fn draw(frame: &mut Frame, model: &Model, view: &View) {
         title::one_line(frame, area, model, view);
         return;
     }
-    let regions = regions(area, view.focus);
+    let regions = regions(area, view.focus, model);
     title::draw(frame, regions.title, model, view);
     title::hints(frame, regions.hints, model, view);
     for (area, draw) in [

@@ -39,7 +39,7 @@ fn any_event() -> impl Strategy<Value = Event> {
         }),
         4 => (any_cell(), outcome, proptest::option::of(0u32..10)).prop_map(|(cell, outcome, last)| {
             let rows = last.map_or_else(Vec::new, |k| vec![night::row(k)]);
-            Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), rows: Arc::new(rows) }
+            Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), times: None, rows: Arc::new(rows) }
         }),
         2 => (any_cell(), ".{0,30}").prop_map(|(cell, text)| {
             Event::Message { level: Level::Warn, cell: Some(cell), text }

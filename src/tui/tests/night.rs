@@ -46,9 +46,12 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         rr_start: Some(3),
         filter: FilterSpec { kind: FilterKind::Gauss, radius },
         films: Vec::new(),
+        accel: Default::default(),
+        timing: None,
         sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
+        fallback: None,
     }
 }
 
@@ -70,6 +73,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                     ("aa".to_owned(), Value::number(f64::from(*radius))),
                 ],
                 repeat: 0,
+                control: None,
                 seed: 1,
                 config: Arc::new(config(*depth, *radius)),
                 scene: scene.clone(),
@@ -186,8 +190,12 @@ impl Teller {
 
     /// A cell opens and renders `2^0` to `2^last` samples.
     pub fn render(&mut self, cell: CellRef, last: u32) -> &mut Teller {
-        let open =
-            OpenStats { accel_build_s: 0.0021, accel_nodes: 1234, device: "cpu, 2 threads, obvhs PLOC BVH".to_owned() };
+        let open = OpenStats {
+            accel_build_s: 0.0021,
+            accel_nodes: 1234,
+            device: "cpu, 2 threads, obvhs PLOC BVH".to_owned(),
+            ..OpenStats::default()
+        };
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));
         let start = self.clock_s;
         self.events.push((
@@ -213,7 +221,14 @@ impl Teller {
         if matches!(cell, CellRef::Reference(_)) {
             rows.iter_mut().for_each(|row| row.metrics.clear());
         }
-        let event = Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), rows: Arc::new(rows) };
+        let event = Event::CellFinished {
+            cell,
+            outcome,
+            film: None,
+            layers: Arc::default(),
+            times: None,
+            rows: Arc::new(rows),
+        };
         self.events.push((event, self.clock_s));
         self
     }

@@ -13,6 +13,7 @@ use crate::tui::model::Model;
 use crate::tui::panes;
 use crate::tui::thumbs::Thumb;
 use crate::tui::view::{ChartX, Focus, Notice, Picture, Prompt, View, Wishes};
+use crate::tui::workers::WorkerLine;
 
 pub const RICH: Look = Look { colors: Colors::True, ascii: false };
 const PLAIN: Look = Look { colors: Colors::None, ascii: true };
@@ -200,4 +201,20 @@ fn the_noise_of_the_reference_is_marked_in_the_chart() {
     assert!(chart(&model, 0).contains("noise of the reference"));
     assert!(!chart(&model, 1).contains("noise of the reference"), "that metric has none");
     assert!(!chart(&model, 2).contains("noise of the reference"), "it lies far outside the chart");
+}
+
+#[test]
+fn a_night_of_many_workers() {
+    let (mut model, now_s) = in_the_middle().model();
+    let worker = |i: usize| WorkerLine {
+        node: format!("n{:02} 1207_{i}", i % 12),
+        device: "NVIDIA L40S".to_owned(),
+        doing: if i == 3 { "waits".to_owned() } else { format!("depth={}/radius=0.5/rep=0", 2 + i) },
+        age_s: 3.0 * i as f64 + if i == 5 { 400.0 } else { 0.0 },
+        lost: i == 5,
+    };
+    model.crew((0..4).chain([5]).map(worker).collect());
+    assert_snapshot!("workers-120", screen((120, 40), &model, &view(RICH, now_s)));
+    model.crew((0..40).map(worker).collect());
+    assert_snapshot!("workers-200", screen((200, 60), &model, &view(RICH, now_s)));
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, Model, Texture};
+use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture};
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre::transport::integrator::{Context, Settings, integrator};
 use lumbre::transport::light::{Lights, Select};
@@ -60,7 +60,7 @@ impl Brute<'_> {
                 }
             };
             let Some((t, uv)) = met else { continue };
-            let hit = Hit { t, primitive: i as u32, uv };
+            let hit = Hit { t, primitive: i as u32, instance: NONE, uv };
             if t > 0.0 && t < best.map_or(t_max, |b| b.t) && !is_masked_out(self.scene, ray, &hit) {
                 best = Some(hit);
             }
@@ -91,6 +91,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
         max_depth: job.max_depth,
         rr_start: job.rr_start,
         settings: &Settings::new(&job.params),
+        timing: None,
     };
     let (mut total, mut unweighted, mut strategies) = (Vec3::ZERO, Vec3::ZERO, 0u32);
     let mut sampler = (job.sampler.start)(job.seed, pixel, u64::from(index));

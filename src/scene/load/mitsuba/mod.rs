@@ -11,6 +11,7 @@
 //! What is read of each plugin stands in `docs/formats.md`; all else becomes a [`Note`].
 
 mod bsdf;
+mod delay;
 mod emitter;
 mod metals;
 mod sensor;
@@ -153,7 +154,13 @@ impl Builder {
             return Ok(known.clone());
         }
         let name = self.names.give(o.id.as_deref().or(stem).unwrap_or("surface"));
-        let Surface { material, uv } = bsdf::read(o, &name, &mut self.textures, &mut self.notes)?;
+        // Opaque surfaces reflect on both sides here.
+        let inner =
+            if o.kind == "twosided" { o.children("bsdf").next().filter(|b| delay::is_delayed(b)) } else { None };
+        let Surface { material, uv } = match inner.cloned().or_else(|| delay::is_delayed(o).then(|| o.clone())) {
+            Some(delayed) => delay::read(self, &delayed, &name)?,
+            None => bsdf::read(o, &name, &mut self.textures, &mut self.notes)?,
+        };
         self.materials.push(material);
         self.surfaces.insert(Rc::as_ptr(o), (name.clone(), uv));
         Ok((name, uv))

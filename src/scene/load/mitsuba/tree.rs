@@ -34,6 +34,8 @@ const CLASSES: &[&str] = &[
     "phase",
     "volume",
     "subsurface",
+    "TemporalProfile",
+    "temporal_profile",
 ];
 
 /// A plain value.

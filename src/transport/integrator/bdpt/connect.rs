@@ -7,6 +7,7 @@ use super::weights::{LightEnd, others_of_ends, others_of_hit, others_of_lens, ot
 use crate::scene::compile::NONE;
 use crate::transport::bsdf::Mode;
 use crate::transport::camera::CameraConnection;
+use crate::transport::flight;
 use crate::transport::integrator::Context;
 use crate::transport::light::{EmissionSample, LightId, LightPoint};
 use crate::transport::mis::Heuristic;
@@ -24,6 +25,8 @@ pub struct Connection {
     pub point: Option<LightPoint>,
     /// Unit direction of the connecting edge, towards the light; zero for `s = 0`.
     pub wi: Vec3,
+    /// When it arrives; 0 without a time axis.
+    pub length: f64,
 }
 
 /// `s = 0`: the camera subpath of `t` vertices has met a light.
@@ -34,9 +37,10 @@ pub fn hit(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connec
     }
     let light = LightId::Emitter(z.emitter);
     let point = LightPoint { light, position: z.position, normal: z.n_geometric, uv: z.uv };
-    let end = LightEnd::new(context, &point, z.wo, z.previous, z.n_previous);
+    let end = LightEnd::new(context, &point, z.out.wo, z.previous, z.n_previous);
     let others = others_of_hit(h, &z.chain, &end, t);
-    Some(Connection { unweighted: z.throughput * z.emitted, others, point: Some(point), wi: Vec3::ZERO })
+    let length = z.stamp.arrived();
+    Some(Connection { unweighted: z.throughput * z.emitted, others, point: Some(point), wi: Vec3::ZERO, length })
 }
 
 /// `s = 0`: the camera subpath has left the scene, and the light outside is its vertex number `t`.
@@ -51,7 +55,8 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
     let point = LightPoint { light, position: edge.from + edge.dir, normal: -edge.dir, uv: Vec2::ZERO };
     let end = LightEnd::new(context, &point, -edge.dir, edge.from, edge.origin.normal());
     let others = others_of_hit(h, &edge.chain(h, 1.0)?, &end, t);
-    Some(Connection { unweighted: escape.throughput * radiance, others, point: Some(point), wi: Vec3::ZERO })
+    let unweighted = escape.throughput * radiance;
+    Some(Connection { unweighted, others, point: Some(point), wi: Vec3::ZERO, length: escape.length })
 }
 
 /// `s = 1`, `t >= 2`: the end of the camera subpath and a point of a light, sampled from there.
@@ -59,7 +64,7 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
 pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sampler) -> Option<Connection> {
     let choice = sampler.next_1d();
     let d = context.lights.sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
-    let at_z = z.bsdf.evaluate(z.wo, d.wi, Mode::Radiance);
+    let at_z = z.bsdf.evaluate_from(&z.out, d.wi, Mode::Radiance);
     let unweighted = z.throughput * at_z.f * z.cos(d.wi) * d.radiance / d.pdf_w;
     let refused = z.overhang.is_some_and(|o| o.refuses(&d));
     if refused || unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
@@ -77,7 +82,8 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
     // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
     (end.direct > 0.0).then(|| {
         let others = others_of_next_event(h, z, &end, &at_z);
-        Connection { unweighted, others, point: Some(d.point), wi: d.wi }
+        let length = flight::of_direct(context, &z.stamp, &z.bsdf, z.out.wo, z.position, (d.wi, d.distance));
+        Connection { unweighted, others, point: Some(d.point), wi: d.wi, length }
     })
 }
 
@@ -92,17 +98,25 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     if !wi.is_finite() {
         return None;
     }
-    let at_z = z.bsdf.evaluate(z.wo, wi, Mode::Radiance);
+    let at_z = z.bsdf.evaluate_from(&z.out, wi, Mode::Radiance);
     if at_z.f == Vec3::ZERO {
         return None;
     }
-    let at_y = y.bsdf.evaluate(y.wo, -wi, Mode::Importance);
+    let at_y = y.bsdf.evaluate_from(&y.out, -wi, Mode::Importance);
     let unweighted = y.throughput * at_y.f * y.cos(-wi) * at_z.f * z.cos(wi) * z.throughput / distance2;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, z.position, z.n_geometric, y.position, y.n_geometric)
     {
         return None;
     }
-    Some(Connection { unweighted, others: others_of_ends(h, [y, z], [&at_y, &at_z], wi, distance2), point: None, wi })
+    let length = if context.timing.is_some() {
+        let index = z.stamp.index * z.bsdf.index_ratio(z.out.wo, wi);
+        let near = z.stamp.onward(&z.bsdf, z.out.wo, wi, distance2.sqrt());
+        near + y.stamp.of_light(&y.bsdf, y.out.wo, -wi, index)
+    } else {
+        0.0
+    };
+    let others = others_of_ends(h, [y, z], [&at_y, &at_z], wi, distance2);
+    Some(Connection { unweighted, others, point: None, wi, length })
 }
 
 /// `s >= 2`, `t = 1`: the end of the light subpath, seen by the camera.
@@ -111,16 +125,21 @@ pub fn lens(
     context: &Context,
     h: Heuristic,
     y: &Vertex,
+    emitted: f32,
     sampler: &mut Sampler,
 ) -> Option<(Connection, CameraConnection)> {
     let c = context.camera.connect(y.position, sampler.next_2d(), sampler.next_2d())?;
-    let at_y = y.bsdf.evaluate(y.wo, -c.dir, Mode::Importance);
+    let at_y = y.bsdf.evaluate_from(&y.out, -c.dir, Mode::Importance);
     let unweighted = y.throughput * at_y.f * y.cos(-c.dir) * c.importance;
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO) {
         return None;
     }
     let others = others_of_lens(h, y, c.lens, &at_y, c.pdf_w);
-    Some((Connection { unweighted, others, point: None, wi: c.dir }, c))
+    let length = context.timing.map_or(0.0, |timing| {
+        let last = if timing.camera { timing.medium * c.distance } else { 0.0 };
+        f64::from(emitted) + f64::from(last) + y.stamp.of_light(&y.bsdf, y.out.wo, -c.dir, timing.medium)
+    });
+    Some((Connection { unweighted, others, point: None, wi: c.dir, length }, c))
 }
 
 /// `s = 1`, `t = 1`: the start of the light subpath, seen by the camera. Points and parallel light are not: nothing that
@@ -130,6 +149,7 @@ pub fn seen(
     context: &Context,
     h: Heuristic,
     start: &EmissionSample,
+    emitted: f32,
     sampler: &mut Sampler,
 ) -> Option<(Connection, CameraConnection)> {
     let point = start.point;
@@ -154,5 +174,9 @@ pub fn seen(
         vertex::unobstructed(context.trace, c.lens, Vec3::ZERO, c.dir)
     };
     let others = others_of_seen(h, &end, c.pdf_w);
-    visible.then_some((Connection { unweighted, others, point: None, wi: c.dir }, c))
+    let length = context.timing.map_or(0.0, |timing| {
+        let far = if c.distance.is_finite() { c.distance } else { context.lights.lead(c.lens, c.dir) };
+        f64::from(emitted) + f64::from(if timing.camera { timing.medium * far } else { 0.0 })
+    });
+    visible.then_some((Connection { unweighted, others, point: None, wi: c.dir, length }, c))
 }

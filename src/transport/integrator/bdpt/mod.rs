@@ -26,7 +26,7 @@ use subpath::Subpaths;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bdpt",
     long_name: "bidirectional path tracing",
-    revision: 4,
+    revision: 5,
     doc: "Paths from the camera and from the lights are joined in every way, weighted so that each finds what it finds \
           best [Veach 1997, ch. 10].",
     params: Table {
@@ -77,13 +77,13 @@ pub fn each(
     let settings = context.settings;
     let h = settings.heuristic();
     let max = context.max_depth;
-    subpaths.trace_camera(context, h, pixel, max, sampler);
-    subpaths.trace_light(context, h, max, sampler);
+    let mut chance = subpaths.trace_camera(context, h, pixel, max, sampler);
+    subpaths.trace_light(context, h, max, sampler, &mut chance);
     let subpaths = &*subpaths;
     let mut found = |c: Connection, s: u32, t: u32, pixel: [u32; 2], lens: Vec3| {
         let weight = if settings.raw() { 1.0 } else { 1.0 / (1.0 + c.others) };
         let value = c.unweighted * weight as f32;
-        let contribution = Contribution { pixel, value, unweighted: c.unweighted, s, t };
+        let contribution = Contribution { pixel, value, unweighted: c.unweighted, s, t, length: c.length };
         visit(Found { contribution, weight, subpaths, point: c.point, wi: c.wi, lens });
     };
     let escaped = subpaths.camera.len() as u32 + 2;
@@ -120,14 +120,14 @@ pub fn each(
     }
     if settings.wants(1, 1)
         && let Some(start) = &subpaths.start
-        && let Some((c, camera)) = connect::seen(context, h, start, sampler)
+        && let Some((c, camera)) = connect::seen(context, h, start, subpaths.emitted, sampler)
     {
         found(c, 1, 1, camera.pixel, camera.lens);
     }
     for (y, s) in subpaths.light.iter().zip(2..) {
         if y.connectible
             && settings.wants(s, 1)
-            && let Some((c, camera)) = connect::lens(context, h, y, sampler)
+            && let Some((c, camera)) = connect::lens(context, h, y, subpaths.emitted, sampler)
         {
             found(c, s, 1, camera.pixel, camera.lens);
         }

@@ -5,7 +5,8 @@ use glam::{Vec2, Vec3};
 use super::weights::{Chain, LightEnd, Link};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Mode};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
+use crate::transport::flight::{Chance, Flight, Stamp};
 use crate::transport::integrator::Context;
 use crate::transport::light::{EmissionSample, LightPoint};
 use crate::transport::mis::Heuristic;
@@ -23,8 +24,8 @@ pub struct Vertex {
     pub n_geometric: Vec3,
     /// Unit shading normal on the same side.
     pub n_shading: Vec3,
-    /// Unit direction to the vertex before.
-    pub wo: Vec3,
+    /// The direction to the vertex before, with what the BSDF knows of it.
+    pub out: Outgoing,
     /// Position of the vertex before; meaningless for a light without a place.
     pub previous: Vec3,
     /// Unit normal of the vertex before; zero for a point of the lens or of an overhang.
@@ -52,6 +53,8 @@ pub struct Vertex {
     pub delta: bool,
     /// Index ratio crossed by that event.
     pub eta: f32,
+    /// When the path is here.
+    pub stamp: Stamp,
 }
 
 /// Where an edge of a subpath comes from.
@@ -99,6 +102,8 @@ pub struct Escape {
     pub edge: Edge,
     /// What the path carries, over the density with which it came.
     pub throughput: Vec3,
+    /// When light along it arrives.
+    pub length: f64,
 }
 
 /// Both subpaths of a sample, kept for the next one so that nothing is allocated per path.
@@ -114,6 +119,8 @@ pub struct Subpaths {
     pub escape: Option<Escape>,
     /// The point on the lens.
     pub lens: Vec3,
+    /// When the light of this sample was emitted.
+    pub emitted: f32,
 }
 
 /// The roulette of one subpath. The weights know nothing of it: see [`crate::transport::mis`].
@@ -141,7 +148,8 @@ impl Roulette {
 }
 
 impl Subpaths {
-    /// The subpath from the camera, up to `max_edges` edges.
+    /// The subpath from the camera, up to `max_edges` edges; what is left of the numbers of parts and delays goes to the
+    /// light's.
     pub fn trace_camera(
         &mut self,
         context: &Context,
@@ -149,17 +157,29 @@ impl Subpaths {
         pixel: [u32; 2],
         max_edges: u32,
         sampler: &mut Sampler,
-    ) {
+    ) -> Chance {
         self.camera.clear();
         let ray = context.camera.sample_ray(pixel, sampler);
         self.lens = ray.origin;
         let edge = Edge::from_lens(context, ray.origin, ray.dir);
         let departure = Departure { ray, edge, throughput: Vec3::ONE };
-        self.escape = walk(context, h, Mode::Radiance, departure, max_edges, sampler, &mut self.camera);
+        let mut chance = Chance::new(context, sampler);
+        self.emitted = chance.emission(context);
+        let flight = Flight::of_camera(context, &ray, self.emitted);
+        let mut going = Going { flight, sampler, chance: &mut chance };
+        self.escape = walk(context, h, Mode::Radiance, departure, max_edges, &mut going, &mut self.camera);
+        chance
     }
 
     /// The subpath from a light, up to `max_edges` edges.
-    pub fn trace_light(&mut self, context: &Context, h: Heuristic, max_edges: u32, sampler: &mut Sampler) {
+    pub fn trace_light(
+        &mut self,
+        context: &Context,
+        h: Heuristic,
+        max_edges: u32,
+        sampler: &mut Sampler,
+        chance: &mut Chance,
+    ) {
         self.light.clear();
         self.start = None;
         if max_edges == 0 {
@@ -175,7 +195,9 @@ impl Subpaths {
         let edge = Edge::from_light(e.point, e.dir);
         let ray = vertex::leave(e.point.position, e.point.normal, e.dir);
         let departure = Departure { ray, edge, throughput };
-        walk(context, h, Mode::Importance, departure, max_edges - 1, sampler, &mut self.light);
+        let flight = Flight::of_light(context, e.point.position);
+        let mut going = Going { flight, sampler, chance };
+        walk(context, h, Mode::Importance, departure, max_edges - 1, &mut going, &mut self.light);
     }
 }
 
@@ -186,6 +208,13 @@ struct Departure {
     throughput: Vec3,
 }
 
+/// What a subpath takes along: its clock and its random numbers.
+struct Going<'a> {
+    flight: Flight<'a>,
+    sampler: &'a mut Sampler,
+    chance: &'a mut Chance,
+}
+
 /// Follows a path until it ends. Returns the edge that left the scene, if one did.
 fn walk(
     context: &Context,
@@ -193,7 +222,7 @@ fn walk(
     mode: Mode,
     mut departure: Departure,
     max_edges: u32,
-    sampler: &mut Sampler,
+    going: &mut Going,
     path: &mut Vec<Vertex>,
 ) -> Option<Escape> {
     let mut roulette = Roulette { start: context.rr_start, promise: Vec3::ONE };
@@ -201,27 +230,28 @@ fn walk(
     for count in 1..=max_edges {
         let Departure { ray, edge, throughput } = departure;
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            return Some(Escape { edge, throughput });
+            return Some(Escape { edge, throughput, length: going.flight.escaped(context, edge.dir) });
         };
         // From the camera, the last edge finds light or nothing.
         let only_light = mode == Mode::Radiance && count == max_edges;
-        if only_light && context.scene.emitter_of(hit.primitive) == NONE {
+        if only_light && context.scene.emitter_of(hit.primitive, hit.instance) == NONE {
             return None;
         }
-        let surface = Surface::at(context.scene, &ray, &hit);
+        let surface = going.flight.arrive(context, &ray, &hit, going.chance);
         if over.is_some_and(|o| !o.reaches(surface.position)) {
             return None;
         }
-        let mut v = edge.arrive(context, h, &surface, mode, throughput)?;
+        let (chain, back) = edge.meet(context, h, surface.position, surface.n_geometric)?;
+        path.push(edge.arrive(context, &surface, mode, throughput, chain, back));
+        let v = path.last_mut()?;
+        v.stamp = going.flight.stamp();
         let ends = v.emitter != NONE && !surface.material.emitter_reflects;
         if ends || count == max_edges {
             v.connectible &= !ends;
-            path.push(v);
             return None;
         }
-        let next = v.depart(h, mode, &surface, count, &mut roulette, sampler);
-        path.push(v);
-        departure = next?;
+        departure = v.depart(h, mode, &surface, count, &mut roulette, going.sampler)?;
+        going.flight.leave(v.position, v.eta);
         over = surface.overhang_into(departure.ray.dir);
     }
     None
@@ -269,25 +299,25 @@ impl Edge {
         Chain::new(h, self.link, self.pdf_w * spread)
     }
 
-    /// The vertex where the edge meets a surface; `None` where rounding leaves it without a density.
+    /// The vertex where the edge meets a surface, with what [`Edge::meet`] says of it.
     #[inline]
     fn arrive(
         &self,
         context: &Context,
-        h: Heuristic,
         surface: &Surface,
         mode: Mode,
         throughput: Vec3,
-    ) -> Option<Vertex> {
+        chain: Chain,
+        back: f32,
+    ) -> Vertex {
         let wo = -self.dir;
-        let (chain, back) = self.meet(context, h, surface.position, surface.n_geometric)?;
         let bsdf = Bsdf::new(surface, &context.scene.textures);
         let emitted = if mode == Mode::Radiance { surface.emitted(&context.scene.textures, wo) } else { Vec3::ZERO };
-        Some(Vertex {
+        Vertex {
             position: surface.position,
             n_geometric: surface.n_geometric,
             n_shading: surface.n_shading,
-            wo,
+            out: bsdf.outgoing(wo),
             previous: self.from,
             n_previous: self.origin.normal(),
             back,
@@ -301,7 +331,8 @@ impl Edge {
             chain,
             delta: false,
             eta: 1.0,
-        })
+            stamp: Stamp::default(),
+        }
     }
 }
 
@@ -332,7 +363,7 @@ impl Vertex {
     #[inline]
     pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32, reverse_pdf_w: f32) -> Edge {
         let (pdf_w, before) = if self.delta {
-            let (out, back) = (wi.dot(self.n_geometric).abs(), self.wo.dot(self.n_geometric).abs());
+            let (out, back) = (wi.dot(self.n_geometric).abs(), self.out.wo.dot(self.n_geometric).abs());
             let (out, back) = match mode {
                 Mode::Radiance => (out, back / (self.eta * self.eta)),
                 Mode::Importance => (out * self.eta * self.eta, back),
@@ -362,7 +393,7 @@ impl Vertex {
     ) -> Option<Departure> {
         let choice = sampler.next_1d();
         let (BsdfSample { wi, weight, pdf_w, delta, eta }, reverse) =
-            self.bsdf.sample_with_reverse(self.wo, choice, sampler.next_2d(), mode)?;
+            self.bsdf.sample_with_reverse(&self.out, choice, sampler.next_2d(), mode)?;
         (self.delta, self.eta) = (delta, eta);
         // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
         let eta2 = if mode == Mode::Radiance { eta * eta } else { 1.0 };

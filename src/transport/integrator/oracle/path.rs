@@ -62,17 +62,17 @@ impl Path {
         for (i, y) in of_light.iter().enumerate() {
             let turns = y.delta && i + 1 < of_light.len();
             surfaces.push(Scatter::new(y, turns.then_some(1.0 / y.eta)));
-            dirs.push(-y.wo);
+            dirs.push(-y.out.wo);
         }
         dirs.push(match (s, subpaths.camera.get(t.saturating_sub(2))) {
-            (0, Some(hit)) => hit.wo,
+            (0, Some(hit)) => hit.out.wo,
             (0, None) => -subpaths.escape?.edge.dir,
             _ => -found.wi,
         });
         for (i, z) in of_camera.iter().enumerate().rev() {
             let turns = z.delta && (i + 1 < of_camera.len() || s == 0);
             surfaces.push(Scatter::new(z, turns.then_some(z.eta)));
-            dirs.push(z.wo);
+            dirs.push(z.out.wo);
         }
         Some(Path { light, surfaces, lens: found.lens, dirs })
     }

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use super::Path;
 use crate::scene::compile::NONE;
 use crate::transport::bsdf::Mode;
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::subpath::{Edge, Vertex};
 use crate::transport::integrator::bdpt::weights::{
@@ -42,19 +43,19 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
         }
         (1, _, None) => others_of_seen(h, &end(path.lens, Vec3::ZERO), seen_pdf_w),
         (1, _, Some(z)) => {
-            let at_z = z.bsdf.evaluate(z.wo, -path.dirs[0], Mode::Radiance);
+            let at_z = z.bsdf.evaluate(z.out.wo, -path.dirs[0], Mode::Radiance);
             others_of_next_event(h, &z, &end(z.position, z.n_geometric), &at_z)
         }
         (_, Some(y), Some(z)) => {
-            let at_y = y.bsdf.evaluate(y.wo, path.dirs[s - 1], Mode::Importance);
-            let at_z = z.bsdf.evaluate(z.wo, -path.dirs[s - 1], Mode::Radiance);
+            let at_y = y.bsdf.evaluate(y.out.wo, path.dirs[s - 1], Mode::Importance);
+            let at_z = z.bsdf.evaluate(z.out.wo, -path.dirs[s - 1], Mode::Radiance);
             // Between the points, as all strategies measure the edge; the traced direction starts off the surface.
             let edge = y.position - z.position;
             let distance2 = edge.length_squared();
             others_of_ends(h, [&y, &z], [&at_y, &at_z], edge / distance2.sqrt(), distance2)
         }
         (_, Some(y), None) => {
-            let at_y = y.bsdf.evaluate(y.wo, path.dirs[k - 1], Mode::Importance);
+            let at_y = y.bsdf.evaluate(y.out.wo, path.dirs[k - 1], Mode::Importance);
             others_of_lens(h, &y, path.lens, &at_y, seen_pdf_w)
         }
         (_, None, _) => return None,
@@ -71,8 +72,8 @@ fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<
             h,
             Mode::Importance,
             path.dirs[i],
-            v.bsdf.pdf_w(v.wo, path.dirs[i]),
-            v.bsdf.pdf_w(path.dirs[i], v.wo),
+            v.bsdf.pdf_w(v.out.wo, path.dirs[i]),
+            v.bsdf.pdf_w(path.dirs[i], v.out.wo),
         );
         last = Some(v);
     }
@@ -88,7 +89,7 @@ fn camera_side(context: &Context, h: Heuristic, path: &Path, last: usize) -> Opt
     for i in (last..k).rev() {
         let v = vertex(context, h, path, i, &edge, path.dirs[i], |eta| eta)?;
         let wi = -path.dirs[i - 1];
-        edge = v.onward(h, Mode::Radiance, wi, v.bsdf.pdf_w(v.wo, wi), v.bsdf.pdf_w(wi, v.wo));
+        edge = v.onward(h, Mode::Radiance, wi, v.bsdf.pdf_w(v.out.wo, wi), v.bsdf.pdf_w(wi, v.out.wo));
         end = Some(v);
     }
     Some((end, edge))
@@ -110,7 +111,7 @@ fn vertex(
         position: at.position,
         n_geometric: at.n_geometric,
         n_shading: at.n_shading,
-        wo,
+        out: at.bsdf.outgoing(wo),
         previous: edge.from,
         n_previous: edge.origin.normal(),
         back,
@@ -124,5 +125,6 @@ fn vertex(
         chain,
         delta: at.dirac.is_some(),
         eta: at.dirac.map_or(1.0, crossed),
+        stamp: Stamp::default(),
     })
 }

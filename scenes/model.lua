@@ -1,0 +1,46 @@
+-- One mesh on a floor under an even sky: for questions about how rays find what they hit.
+--
+-- `model` chooses between the three of the second source's comparison of hierarchies. They are not part of this project:
+-- `folder` names where suzanne.obj, stanford-bunny.obj and stanford-dragon-res2.ply are, as seen from this file or in
+-- full. Without it each is a knot of about as many triangles (a thousand, seventy thousand, two hundred thousand).
+
+local s = scene { resolution = { 512, 384 }, max_depth = 5 }
+local model = s:option("model", { "suzanne", "bunny", "dragon" })
+local folder = s:option("folder", "")
+
+s:camera { position = { 1.1, 1.1, 3.2 }, target = { 0, 0.55, 0 }, fov = 30 }
+s:material("clay", { base_color = { 0.7, 0.6, 0.5 }, roughness = 0.7 })
+s:material("floor", { base_color = { 0.4, 0.4, 0.42 }, roughness = 0.9 })
+s:add { name = "floor", shape = shape.grid { size = { 8, 8 } }, material = "floor" }
+s:environment { color = { 1, 1, 1 } }
+
+-- File, the middle of its foot, its height, and the cells of the knot that stands for it.
+local known = {
+  suzanne = { "suzanne.obj", { -2.494, 0.2673, 4.104 }, 1.9688, { 44, 11 } },
+  bunny = { "stanford-bunny.obj", { -0.0168, 0.033, -0.0015 }, 0.1543, { 434, 80 } },
+  dragon = { "stanford-dragon-res2.ply", { -0.0059, 0.0527, -0.0046 }, 0.1444, { 844, 120 } },
+}
+local file, foot, height, cells = table.unpack(known[model])
+
+if folder ~= "" then
+  local scale = 1.1 / height
+  s:import(folder .. "/" .. file, {
+    material = "clay",
+    place = { at = { -foot[1] * scale, -foot[2] * scale, -foot[3] * scale }, scale = scale },
+  })
+else
+  -- A (2, 3) torus knot.
+  local points = {}
+  for i = 0, cells[1] - 1 do
+    local t = 2 * math.pi * i / cells[1]
+    local out = 0.4 + 0.17 * math.cos(3 * t)
+    points[#points + 1] = { out * math.cos(2 * t), 0.55 + 0.3 * math.sin(3 * t), out * math.sin(2 * t) }
+  end
+  s:add {
+    name = "knot",
+    shape = shape.tube { points = points, radius = 0.13, segments = cells[2], closed = true },
+    material = "clay",
+  }
+end
+
+return s

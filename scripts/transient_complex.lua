@@ -1,0 +1,26 @@
+-- Two colours and two patches, four moments: blue and yellow light of black patches, then blue and yellow of white ones.
+--
+--     lumbre run scripts/transient_complex.lua
+--
+-- Figure 6.7 of the third source: a composed material whose parts both take their delay from a texture.
+
+local x = experiment("transient_complex", { seed = 2 })
+
+x:axis("size", { 128 })
+x:axis("samples", { 384 })
+
+x:render(function(p)
+  return {
+    scene = "scenes/hare_box.lua",
+    scene_options = { hare = "complex" },
+    view = "hare",
+    integrator = "nee",
+    resolution = { p.size, p.size },
+    film = { time = { start = 2, bin = 0.05, bins = 180, metres = 1 } },
+  }
+end)
+
+x:measure { every = "5s", display = tonemap.srgb { exposure = 0 } }
+x:stop(function(p) return stop.samples(p.samples) end)
+
+return x

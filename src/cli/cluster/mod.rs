@@ -1,0 +1,13 @@
+//! Nights on many machines: plans that are frozen for others, workers that take part, and the jobs that start them.
+
+mod frozen;
+mod job;
+mod queue;
+mod roll;
+mod submit;
+mod work;
+
+pub use frozen::freeze;
+pub use roll::Roll;
+pub use submit::{cancel, submit};
+pub use work::work;

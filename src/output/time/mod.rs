@@ -1,0 +1,235 @@
+//! Films with a time axis as files: arrays, frames, animations, streaks, curves and maps of arrival.
+//!
+//! A [`Movie`] is what all of them are drawn from; it comes from a finished run, or from the arrays that one has left.
+
+mod animation;
+mod curve;
+mod npy;
+mod still;
+
+pub use animation::{apng, gif};
+pub use curve::{Curve, csv, figure};
+pub use npy::{decode as read_array, encode as array};
+pub use still::{arrival, arrival_picture, sheet, streak_x, streak_y};
+
+use std::ops::Range;
+
+use super::OutputError;
+use crate::film::Image;
+use crate::film::time::{TimeAxis, TimeCube};
+use crate::metrics::tonemap::Tonemap;
+use crate::transport::light::luminance;
+
+/// The most frames that an animation is cut into; more bins are added up in groups.
+pub const MAX_FRAMES: u32 = 240;
+
+/// Frames that a run leaves as EXR, and that stand on a sheet: even parts of the whole axis.
+pub const STILLS: u32 = 12;
+
+/// The light of every pixel in every bin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Movie {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The bins.
+    pub axis: TimeAxis,
+    /// Seconds for the optical length of one scene unit, where that is known.
+    pub seconds: Option<f64>,
+    /// Mean radiance, `[y][x][bin][rgb]`.
+    pub mean: Vec<[f32; 3]>,
+}
+
+impl Movie {
+    /// The bins of a run.
+    pub fn of(cube: &TimeCube, seconds: Option<f64>) -> Movie {
+        let (bins, scale) = (cube.axis.bins as usize, 1.0 / cube.samples.max(1) as f64);
+        let pixels = cube.sum.chunks_exact(cube.axis.slots());
+        let mean = pixels.flat_map(|slots| slots[1..=bins].iter().map(|s| s.map(|v| (v * scale) as f32))).collect();
+        Movie { width: cube.width, height: cube.height, axis: cube.axis, seconds, mean }
+    }
+
+    /// The bins of a pixel.
+    pub fn pixel(&self, x: u32, y: u32) -> &[[f32; 3]] {
+        let bins = self.axis.bins as usize;
+        let first = (y as usize * self.width as usize + x as usize) * bins;
+        &self.mean[first..first + bins]
+    }
+
+    /// The sum of some bins as a picture.
+    pub fn frame(&self, bins: Range<u32>) -> Image {
+        Image::from_fn(self.width, self.height, |x, y| {
+            let bins = &self.pixel(x, y)[bins.start as usize..bins.end as usize];
+            bins.iter().fold([0.0; 3], |sum, v| [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]])
+        })
+    }
+
+    /// The sum of all bins.
+    pub fn steady(&self) -> Image {
+        self.frame(0..self.axis.bins)
+    }
+
+    /// The bin of an optical length, if one holds it.
+    pub fn bin(&self, length: f64) -> Option<u32> {
+        let slot = self.axis.slot(self.axis.place(length));
+        (slot >= 1 && slot <= self.axis.bins as usize).then(|| slot as u32 - 1)
+    }
+
+    /// Groups of bins, [`MAX_FRAMES`] of them at most, from the first that light reaches to the last.
+    pub fn groups(&self, most: u32) -> Vec<Range<u32>> {
+        let bins = self.axis.bins;
+        let mut lit = vec![false; bins as usize];
+        for pixel in self.mean.chunks_exact(bins as usize) {
+            for (lit, v) in lit.iter_mut().zip(pixel) {
+                *lit |= v.iter().any(|c| *c > 0.0);
+            }
+        }
+        let first = lit.iter().position(|l| *l).unwrap_or(0) as u32;
+        let last = lit.iter().rposition(|l| *l).map_or(bins, |l| l as u32 + 1).max(first + 1);
+        let step = (last - first).div_ceil(most.max(1)).max(1);
+        (first..last).step_by(step as usize).map(|b| b..(b + step).min(bins)).collect()
+    }
+
+    /// Even parts of the axis, [`STILLS`] of them at most, the same for every film with this axis.
+    pub fn stills(&self) -> Vec<Range<u32>> {
+        let bins = self.axis.bins;
+        let parts = STILLS.min(bins);
+        let edge = |i: u32| (u64::from(i) * u64::from(bins) / u64::from(parts)) as u32;
+        (0..parts).map(|i| edge(i)..edge(i + 1)).collect()
+    }
+
+    /// The optical length in the middle of some bins.
+    pub fn middle(&self, bins: &Range<u32>) -> f64 {
+        0.5 * (self.axis.begin(bins.start) + self.axis.begin(bins.end))
+    }
+
+    /// The tone map of frames: the sRGB curve with the exposure at which 99.5 % of what is lit stays below white.
+    pub fn exposure(&self, groups: &[Range<u32>]) -> Tonemap {
+        let mut lit: Vec<f32> = Vec::new();
+        for pixel in self.mean.chunks_exact(self.axis.bins as usize) {
+            for group in groups {
+                let sum: f32 =
+                    pixel[group.start as usize..group.end as usize].iter().map(|v| v[0].max(v[1]).max(v[2])).sum();
+                if sum > 0.0 && sum.is_finite() {
+                    lit.push(sum);
+                }
+            }
+        }
+        if lit.is_empty() {
+            return Tonemap::Srgb { exposure: 0.0 };
+        }
+        let at = (lit.len() * 199 / 200).min(lit.len() - 1);
+        let (_, white, _) = lit.select_nth_unstable_by(at, f32::total_cmp);
+        // Whole quarters of a stop, so that two runs that differ by noise are shown alike.
+        let exposure = -f64::from(*white).log2();
+        Tonemap::Srgb { exposure: (exposure * 4.0).round() as f32 / 4.0 }
+    }
+
+    /// An optical length in words, with the time that light takes for it where that is known.
+    pub fn words(&self, length: f64) -> String {
+        match self.seconds {
+            Some(seconds) => format!("{} = {}", super::labels::significant(length, 4), time_words(length * seconds)),
+            None => super::labels::significant(length, 4),
+        }
+    }
+}
+
+fn time_words(seconds: f64) -> String {
+    let units = [(1e-15, "fs"), (1e-12, "ps"), (1e-9, "ns"), (1e-6, "us"), (1e-3, "ms"), (1.0, "s")];
+    let fits = units.iter().rev().find(|(unit, _)| seconds.abs() >= *unit).unwrap_or(&units[0]);
+    format!("{} {}", super::labels::significant(seconds / fits.0, 4), fits.1)
+}
+
+/// The luminance of linear sRGB.
+fn bright(v: &[f32; 3]) -> f64 {
+    luminance(glam::Vec3::from_array(*v))
+}
+
+/// Display values as bytes.
+fn bytes(image: &Image, display: Tonemap) -> Vec<u8> {
+    display.apply(image).data.as_flattened().iter().map(|x| (x * 255.0).round() as u8).collect()
+}
+
+fn refuse(reason: impl std::fmt::Display) -> OutputError {
+    OutputError::PngWrite { reason: reason.to_string() }
+}
+
+/// One file of a film with a time axis.
+pub struct TimeFile {
+    /// Its name.
+    pub name: String,
+    /// What it holds.
+    pub bytes: Vec<u8>,
+}
+
+/// Everything that a run leaves of its time axis: arrays of means and variances and of what lies beside the bins, a sheet of
+/// frames, animations, streaks through the middle, the curve of the whole picture, and the map of arrival.
+///
+/// # Errors
+/// Those of the encoders.
+pub fn files(cube: &TimeCube, seconds: Option<f64>, meta: &[(String, String)]) -> Result<Vec<TimeFile>, OutputError> {
+    let movie = Movie::of(cube, seconds);
+    let [w, h, bins] = [cube.width, cube.height, cube.axis.bins].map(|n| n as usize);
+    let at = |x: usize, y: usize, slot: usize| cube.mean(x as u32, y as u32, slot);
+    let pixels = || (0..w * h).map(move |p| (p % w, p / w));
+    let outside = pixels().flat_map(|(x, y)| [at(x, y, 0), at(x, y, bins + 1)]).flatten();
+    let variance = pixels()
+        .flat_map(|(x, y)| (1..=bins).map(move |slot| cube.variance_of_mean(x as u32, y as u32, slot)))
+        .flatten();
+    let mut files = vec![
+        TimeFile { name: "time-cube.npy".into(), bytes: array(&[h, w, bins, 3], movie.mean.iter().flatten().copied()) },
+        TimeFile { name: "time-outside.npy".into(), bytes: array(&[h, w, 2, 3], outside) },
+        TimeFile { name: "time-variance.npy".into(), bytes: array(&[h, w, bins, 3], variance) },
+    ];
+    for (i, group) in movie.stills().into_iter().enumerate() {
+        let name = still_name(i, movie.middle(&group));
+        let mut meta = meta.to_vec();
+        meta.push((
+            "length".to_owned(),
+            format!("{} to {}", movie.axis.begin(group.start), movie.axis.begin(group.end)),
+        ));
+        files.push(TimeFile { name: format!("{name}.exr"), bytes: super::exr::encode(&movie.frame(group), &meta)? });
+    }
+    files.extend(pictures(&movie, [cube.width / 2, cube.height / 2], meta)?);
+    Ok(files)
+}
+
+/// The name of a still without its extension: its number and the optical length in its middle.
+pub fn still_name(i: usize, middle: f64) -> String {
+    format!("time-frame-{:02}-{middle:.4}", i + 1)
+}
+
+/// The optical length in the middle of the still with this name, if it is one.
+pub fn still_length(name: &str) -> Option<f64> {
+    name.strip_prefix("time-frame-")?.split_once('-')?.1.parse().ok()
+}
+
+/// The pictures among the [`files`], with streaks through the column and row `through`.
+///
+/// # Errors
+/// Those of the encoders.
+pub fn pictures(movie: &Movie, through: [u32; 2], meta: &[(String, String)]) -> Result<Vec<TimeFile>, OutputError> {
+    let groups = movie.groups(MAX_FRAMES);
+    let display = movie.exposure(&groups);
+    let mut meta = meta.to_vec();
+    meta.push(("display".to_owned(), display.to_string()));
+    let [column, row] = through;
+    let whole = Curve::region(movie, [0, 0, movie.width, movie.height], "mean of the picture");
+    let pixel = Curve::region(movie, [column, row, column + 1, row + 1], &format!("pixel {column}, {row}"));
+    let curves = [whole, pixel];
+    let file = |name: &str, bytes: Vec<u8>| TimeFile { name: name.to_owned(), bytes };
+    let (svg, png) = figure(movie, &curves)?;
+    Ok(vec![
+        file("time-frames.png", sheet(movie)?),
+        file("time-animation.png", apng(movie, &groups, display, &meta)?),
+        file("time-animation.gif", gif(movie, &groups, display)?),
+        file("time-streak-x.png", super::png::encode(&streak_x(movie, row), display, &meta)?),
+        file("time-streak-y.png", super::png::encode(&streak_y(movie, column), display, &meta)?),
+        file("time-curve.csv", csv(movie, &curves).into_bytes()),
+        file("time-curve.svg", svg.into_bytes()),
+        file("time-curve.png", png),
+        file("time-arrival.exr", super::exr::encode(&arrival(movie), &meta)?),
+        file("time-arrival.png", arrival_picture(movie, &meta)?),
+    ])
+}

@@ -1,0 +1,211 @@
+//! How long light has been on its way, and what a composed material is made of for one path.
+//!
+//! The time of a path is its optical length: every segment times the index of the medium that it runs through, and the
+//! delays of the materials that gave the light back. It is counted in two sums, one of segments and one of delays.
+//!
+//! The index is known by crossings: it is 1 where a subpath starts, and is multiplied by the ratio of indices at every
+//! refraction. For paths from the camera that is the index relative to the medium of the camera. A path from a light starts
+//! with an index of its own, 1 as well; where both meet, the edge between them has one index, which the camera's side
+//! knows, and the light's segments are scaled by the ratio. So a lamp inside glass counts the same for every strategy.
+//!
+//! Light without a place has no start. Its wave front counts as started where it touches the ball around all surfaces, as
+//! light paths do.
+//!
+//! # Composed materials
+//!
+//! At every vertex one part is drawn with its weight, and the path sees that part alone: its colour, normal map, roughness
+//! and delays. The density of a path with its parts is a product in which the weights of the parts, and the densities
+//! of delays, stand once for every vertex, whichever strategy generated it; they stand in what the path carries
+//! too. They cancel in every estimator and in every weight [Veach 1997, 9.2]: nothing but the choice itself has to be done.
+
+use glam::Vec3;
+
+use super::bsdf::Bsdf;
+use super::delay::{self, Profile};
+use super::integrator::Context;
+use super::ray::{Hit, Ray};
+use super::sampler::{Independent, Sampler};
+use super::surface::Surface;
+use crate::film::time::{TimeAxis, TimeFilter};
+
+/// What a film with a time axis asks of transport.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timing {
+    /// The bins.
+    pub axis: TimeAxis,
+    /// How contributions are spread over them.
+    pub filter: TimeFilter,
+    /// Whether the segment between the camera and what it sees first counts.
+    pub camera: bool,
+    /// Index of the medium around the camera.
+    pub medium: f32,
+    /// When lights emit: the profile of their pulse.
+    pub emission: Profile,
+    /// Metres in a scene unit, for times in seconds; 0 where nobody said. It changes nothing but labels.
+    pub metres: f64,
+}
+
+/// The random numbers of parts and delays of one sample; none where a scene and a film need none.
+#[derive(Clone, Debug)]
+pub struct Chance(Option<Independent>);
+
+impl Chance {
+    /// Those of a sample.
+    #[inline]
+    pub fn new(context: &Context, sampler: &Sampler) -> Chance {
+        let needed = context.timing.is_some() || !context.scene.delays.is_empty();
+        Chance(needed.then(|| sampler.aside()))
+    }
+
+    /// When the light of this sample was emitted.
+    #[inline]
+    pub fn emission(&mut self, context: &Context) -> f32 {
+        match (context.timing, &mut self.0) {
+            (Some(timing), Some(chance)) if timing.emission != Profile::NONE => {
+                timing.emission.sample(chance.next_1d())
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// When a path is at a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stamp {
+    /// Optical length of all segments so far.
+    pub path: f32,
+    /// Delays of all vertices so far but this one.
+    pub late: f32,
+    /// The delay of this vertex.
+    pub delay: f32,
+    /// Index of the medium through which the path came.
+    pub index: f32,
+}
+
+impl Stamp {
+    /// When light arrives that comes to this vertex, or starts there.
+    #[inline]
+    pub fn arrived(&self) -> f64 {
+        f64::from(self.path) + f64::from(self.late)
+    }
+
+    /// When light leaves that this vertex gives back, and goes on over `distance` towards `wi`.
+    #[inline]
+    pub fn onward(&self, bsdf: &Bsdf, wo: Vec3, wi: Vec3, distance: f32) -> f64 {
+        self.arrived() + f64::from(self.delay) + f64::from(self.index * bsdf.index_ratio(wo, wi) * distance)
+    }
+
+    /// What of this vertex of a light path counts in a path that leaves it towards `wi` through a medium of index `index`,
+    /// as the camera's side knows it.
+    #[inline]
+    pub fn of_light(&self, bsdf: &Bsdf, wo: Vec3, wi: Vec3, index: f32) -> f64 {
+        let own = self.index * bsdf.index_ratio(wo, wi);
+        f64::from(self.path * (index / own)) + f64::from(self.late) + f64::from(self.delay)
+    }
+}
+
+/// The clock of a path while it is traced. Without a time axis it only draws parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Flight<'a> {
+    timing: Option<&'a Timing>,
+    stamp: Stamp,
+    from: Vec3,
+    /// Whether the edge on its way does not count.
+    free: bool,
+    /// The part of the material at this vertex: its place among all.
+    part: Option<u32>,
+}
+
+impl<'a> Flight<'a> {
+    /// A path from the camera, whose light was emitted at `emitted`.
+    #[inline]
+    pub fn of_camera(context: &Context<'a>, ray: &Ray, emitted: f32) -> Flight<'a> {
+        let timing = context.timing;
+        let index = timing.map_or(1.0, |t| t.medium);
+        let stamp = Stamp { index, late: emitted, ..Stamp::default() };
+        Flight { timing, stamp, from: ray.origin, free: timing.is_some_and(|t| !t.camera), part: None }
+    }
+
+    /// A path from a point of a light.
+    #[inline]
+    pub fn of_light(context: &Context<'a>, from: Vec3) -> Flight<'a> {
+        let stamp = Stamp { index: 1.0, ..Stamp::default() };
+        Flight { timing: context.timing, stamp, from, free: false, part: None }
+    }
+
+    /// The surface that a ray of this path has met, as one part of its material if that is composed.
+    #[inline]
+    pub fn arrive<'s>(&mut self, context: &Context<'s>, ray: &Ray, hit: &Hit, chance: &mut Chance) -> Surface<'s> {
+        let scene = context.scene;
+        let mut row = scene.material_of(hit.primitive, hit.instance);
+        self.part = None;
+        if let Some(chance) = chance.0.as_mut().filter(|_| !scene.delays.is_empty()) {
+            let parts = scene.delays.parts(row);
+            let chosen = match parts {
+                [] => None,
+                [_] => Some(0),
+                _ => {
+                    let u = chance.next_1d();
+                    Some(parts.partition_point(|p| p.upto <= u).min(parts.len() - 1))
+                }
+            };
+            if let Some(chosen) = chosen {
+                row = parts[chosen].material;
+                self.part = Some(chosen as u32);
+            }
+        }
+        let surface = Surface::of_material(scene, ray, hit, row);
+        if self.timing.is_some() {
+            if !self.free {
+                self.stamp.path += self.stamp.index * self.from.distance(surface.position);
+            }
+            self.free = false;
+            self.stamp.delay = 0.0;
+            if let (Some(chosen), Some(chance)) = (self.part, &mut chance.0) {
+                let part = &scene.delays.parts(scene.material_of(hit.primitive, hit.instance))[chosen as usize];
+                let profiles = scene.delays.profiles(part).iter();
+                self.stamp.delay = delay::sample_all(profiles, &scene.textures, surface.uv, chance);
+            }
+        }
+        surface
+    }
+
+    /// When the path is where it is.
+    #[inline]
+    pub fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    /// The path goes on from `from` after an event that crossed the index ratio `eta`.
+    #[inline]
+    pub fn leave(&mut self, from: Vec3, eta: f32) {
+        if self.timing.is_some() {
+            self.stamp.late += std::mem::take(&mut self.stamp.delay);
+            self.stamp.index *= eta;
+            self.from = from;
+        }
+    }
+
+    /// When light comes from outside the scene along the edge that is on its way, whose direction is `dir`.
+    #[inline]
+    pub fn escaped(&self, context: &Context, dir: Vec3) -> f64 {
+        match self.timing {
+            Some(_) if !self.free => {
+                self.stamp.arrived() + f64::from(self.stamp.index * context.lights.lead(self.from, dir))
+            }
+            _ => self.stamp.arrived(),
+        }
+    }
+}
+
+/// When light arrives that a vertex gives back from a point of a light at `distance` towards `wi`; an infinite distance is
+/// that to the wave front where it touches the ball around all surfaces. Zero without a time axis.
+#[inline]
+pub fn of_direct(context: &Context, stamp: &Stamp, bsdf: &Bsdf, wo: Vec3, from: Vec3, to: (Vec3, f32)) -> f64 {
+    if context.timing.is_none() {
+        return 0.0;
+    }
+    let (wi, distance) = to;
+    let distance = if distance.is_finite() { distance } else { context.lights.lead(from, wi) };
+    stamp.onward(bsdf, wo, wi, distance)
+}

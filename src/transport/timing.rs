@@ -1,0 +1,262 @@
+//! The time axis of a film as scripts say it, and back.
+
+use std::collections::BTreeMap;
+
+use super::delay::Profile;
+use super::flight::Timing;
+use crate::film::time::{TimeAxis, TimeFilter};
+use crate::math::piecewise::Piecewise;
+use crate::scene::desc::{DelayDesc, DelayKind, MaterialDesc, delay};
+use crate::value::Value;
+use crate::value::schema::{Field, SchemaError, Table, Ty};
+
+/// Largest optical length in scene units.
+const FAR: f64 = 1e9;
+
+/// The speed of light in vacuum, in metres per second.
+pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+
+const fn number(key: &'static str, [min, max]: [f64; 2], default: &'static str, doc: &'static str) -> Field {
+    Field { key, ty: Ty::Num { min, max }, required: false, default, doc }
+}
+
+/// `emission` in the time table.
+pub const EMISSION: Table = Table {
+    name: "EmissionProfile",
+    doc: "When lights emit: the profile in time of their pulse, with the parameters of a material's delay.",
+    fields: &[
+        Field {
+            key: "profile",
+            ty: Ty::Word(DelayKind::WORDS),
+            required: true,
+            default: "",
+            doc: "at once, after a constant, or drawn from a distribution",
+        },
+        number("constant", [0.0, FAR], "0", "when a constant profile emits, in scene units"),
+        number("rate", [1e-9, FAR], "1", "rate of an exponential profile, in 1 / scene unit"),
+        number("mean", [0.0, FAR], "1", "mean of an epanechnikov profile, in scene units"),
+        number("width", [1e-9, FAR], "1", "half of its extent, at most the mean"),
+        Field {
+            key: "table",
+            ty: Ty::List(&Ty::Num { min: 0.0, max: FAR }),
+            required: false,
+            default: "",
+            doc: "time, density, time, density and so on, of a table",
+        },
+    ],
+};
+
+/// `time` in the film table.
+pub const TIME: Table = Table {
+    name: "TimeAxis",
+    doc: "Bins of optical length, in scene units: distance times index of refraction, summed over a path, and all delays.",
+    fields: &[
+        number("start", [-FAR, FAR], "0", "where the first bin begins; what arrives before it is kept beside the bins"),
+        Field {
+            key: "bin",
+            ty: Ty::Num { min: 1e-9, max: FAR },
+            required: true,
+            default: "",
+            doc: "width of a bin; a bin holds radiance, which is not divided by the width",
+        },
+        Field {
+            key: "bins",
+            ty: Ty::Int { min: 1, max: 1_000_000 },
+            required: true,
+            default: "",
+            doc: "how many; what arrives after the last is kept beside the bins",
+        },
+        Field {
+            key: "camera",
+            ty: Ty::Bool,
+            required: false,
+            default: "true",
+            doc: "whether the way from the first surface to the camera counts; false shows light as it passes over surfaces",
+        },
+        number("medium", [0.01, 100.0], "1", "index of refraction of the medium around the camera"),
+        Field {
+            key: "filter",
+            ty: Ty::Word(TimeFilter::WORDS),
+            required: false,
+            default: "none",
+            doc: "how a contribution is spread over the bins about its time: not, evenly, or by a Gaussian cut at three sigma",
+        },
+        number("radius", [0.0, 1000.0], "0.5", "half width of the box, or sigma of the Gaussian, in bins"),
+        Field {
+            key: "emission",
+            ty: Ty::Table(&EMISSION),
+            required: false,
+            default: "a pulse at 0",
+            doc: "when lights emit",
+        },
+        number(
+            "metres",
+            [0.0, 1e30],
+            "unsaid",
+            "metres in a scene unit, for labels in seconds: 1 m of optical length is 3.3356 ns",
+        ),
+    ],
+};
+
+/// `film` in the render table.
+pub const FILM: Table = Table {
+    name: "FilmOptions",
+    doc: "What the film keeps besides the picture.",
+    fields: &[Field {
+        key: "time",
+        ty: Ty::Table(&TIME),
+        required: false,
+        default: "none",
+        doc: "a time axis: light of every pixel by the optical length of its path",
+    }],
+};
+
+impl Timing {
+    /// From the table `film`, checked against [`FILM`]; `None` without a time axis. `path` stands before fields in errors.
+    ///
+    /// # Errors
+    /// An emission profile that contradicts itself.
+    pub fn from_film(film: &BTreeMap<String, Value>, path: &str) -> Result<Option<Timing>, SchemaError> {
+        let Some(time) = film.get("time").and_then(Value::as_map) else { return Ok(None) };
+        let number = |key: &str, default: f64| time.get(key).and_then(Value::as_f64).unwrap_or(default);
+        let word = time.get("filter").and_then(Value::as_str).unwrap_or("none");
+        let emission = match time.get("emission").and_then(Value::as_map) {
+            Some(map) => emission(map, &format!("{path}.time.emission"))?,
+            None => Profile::NONE,
+        };
+        Ok(Some(Timing {
+            axis: TimeAxis { start: number("start", 0.0), bin: number("bin", 1.0), bins: number("bins", 1.0) as u32 },
+            filter: TimeFilter::named(word, number("radius", 0.5)).unwrap_or(TimeFilter::None),
+            camera: time.get("camera") != Some(&Value::Bool(false)),
+            medium: number("medium", 1.0) as f32,
+            emission,
+            metres: number("metres", 0.0),
+        }))
+    }
+
+    /// The table `film` that means this. Without `labels` it has nothing that decides no picture: it is the axis' part of
+    /// a run's identity.
+    pub fn to_film(&self, labels: bool) -> Value {
+        let (filter, radius) = self.filter.parts();
+        let mut time = vec![
+            ("start", Value::number(self.axis.start)),
+            ("bin", Value::number(self.axis.bin)),
+            ("bins", Value::Int(i64::from(self.axis.bins))),
+            ("camera", Value::Bool(self.camera)),
+            ("medium", Value::number(f64::from(self.medium))),
+            ("filter", filter.into()),
+            ("radius", Value::number(radius)),
+            ("emission", profile_value(&self.emission)),
+        ];
+        if labels && self.metres > 0.0 {
+            time.push(("metres", Value::number(self.metres)));
+        }
+        let map = |pairs: Vec<(&str, Value)>| Value::Map(pairs.into_iter().map(|(k, v)| (k.to_owned(), v)).collect());
+        map(vec![("time", map(time))])
+    }
+
+    /// Seconds for which light goes the optical length of one scene unit, where a scene unit has a length.
+    pub fn seconds(&self) -> Option<f64> {
+        (self.metres > 0.0).then(|| self.metres / SPEED_OF_LIGHT)
+    }
+}
+
+fn emission(map: &BTreeMap<String, Value>, path: &str) -> Result<Profile, SchemaError> {
+    let said = |key: &str, default: f32| map.get(key).and_then(Value::as_f64).map_or(default, |x| x as f32);
+    let word = map.get("profile").and_then(Value::as_str).unwrap_or("none");
+    let kind = DelayKind::ALL.into_iter().find(|k| k.word() == word).unwrap_or(DelayKind::None);
+    let table = map.get("table").and_then(Value::as_list).unwrap_or_default();
+    let desc = DelayDesc {
+        kind,
+        constant: [said("constant", 0.0), 0.0],
+        rate: [said("rate", 1.0), 0.0],
+        mean: [said("mean", 1.0), 0.0],
+        width: [said("width", 1.0), 0.0],
+        table: table.iter().filter_map(Value::as_f64).map(|x| x as f32).collect(),
+    };
+    // The rules of a material's profile are those of a light's.
+    let lamp = MaterialDesc { delay: desc, ..MaterialDesc::new("") };
+    delay::profile(&lamp).map_err(|e| SchemaError {
+        path: format!("{path}.{}", e.key.trim_start_matches("delay_")),
+        key: e.key.trim_start_matches("delay_").to_owned(),
+        ..e
+    })?;
+    let d = &lamp.delay;
+    Ok(match kind {
+        DelayKind::None => Profile::NONE,
+        DelayKind::Constant => Profile::Constant(d.constant[0]),
+        DelayKind::Exponential => Profile::Exponential(d.rate[0]),
+        DelayKind::Epanechnikov => Profile::Epanechnikov { mean: d.mean[0], width: d.width[0] },
+        DelayKind::Table => Profile::Table(Piecewise::new(&d.pairs())),
+    })
+}
+
+fn profile_value(profile: &Profile) -> Value {
+    let number = |x: f32| Value::number(f64::from(x));
+    let (word, fields) = match profile {
+        Profile::Constant(x) => (DelayKind::Constant, vec![("constant", number(*x))]),
+        Profile::Exponential(x) => (DelayKind::Exponential, vec![("rate", number(*x))]),
+        Profile::Epanechnikov { mean, width } => {
+            (DelayKind::Epanechnikov, vec![("mean", number(*mean)), ("width", number(*width))])
+        }
+        Profile::Table(table) => {
+            let pairs = table.pairs().flatten().map(Value::number).collect();
+            (DelayKind::Table, vec![("table", Value::List(pairs))])
+        }
+    };
+    let fields = fields.into_iter().chain([("profile", word.word().into())]);
+    Value::Map(fields.map(|(k, v)| (k.to_owned(), v)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn film(time: &[(&str, Value)]) -> BTreeMap<String, Value> {
+        let time = time.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect();
+        BTreeMap::from([("time".to_owned(), Value::Map(time))])
+    }
+
+    fn emission(pairs: &[(&str, Value)]) -> Value {
+        Value::Map(pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect())
+    }
+
+    #[test]
+    fn a_time_axis_is_read_and_written_back() {
+        assert_eq!(Timing::from_film(&BTreeMap::new(), "film"), Ok(None));
+        let bins = [("bin", Value::Num(0.5)), ("bins", Value::Int(40))];
+        let plain = Timing::from_film(&film(&bins), "film").unwrap().unwrap();
+        assert_eq!(plain.axis, TimeAxis { start: 0.0, bin: 0.5, bins: 40 });
+        assert!(plain.camera && plain.medium == 1.0 && plain.filter == TimeFilter::None && plain.seconds().is_none());
+        let table = Value::List([0, 1, 2, 3].map(Value::Int).to_vec());
+        let profiles = [
+            emission(&[("profile", "constant".into()), ("constant", Value::Num(1.5))]),
+            emission(&[("profile", "exponential".into()), ("rate", Value::Num(0.5))]),
+            emission(&[("profile", "epanechnikov".into()), ("mean", Value::Num(0.5)), ("width", Value::Num(0.25))]),
+            emission(&[("profile", "table".into()), ("table", table)]),
+        ];
+        for profile in profiles {
+            let mut said = bins.to_vec();
+            said.extend([("camera", Value::Bool(false)), ("filter", "gauss".into()), ("radius", Value::Num(1.5))]);
+            said.extend([("medium", Value::Num(1.5)), ("metres", Value::Int(1)), ("emission", profile)]);
+            let said = film(&said);
+            FILM.check("film", &said).unwrap();
+            let timing = Timing::from_film(&said, "film").unwrap().unwrap();
+            let Value::Map(back) = timing.to_film(true) else { panic!("a table") };
+            FILM.check("film", &back).unwrap();
+            assert_eq!(Timing::from_film(&back, "film").unwrap().unwrap(), timing);
+            assert!((timing.seconds().unwrap() * 1e9 - 3.335_640_95).abs() < 1e-6);
+            let Value::Map(identity) = timing.to_film(false) else { panic!("a table") };
+            assert_eq!(Timing::from_film(&identity, "film").unwrap().unwrap(), Timing { metres: 0.0, ..timing });
+        }
+    }
+
+    #[test]
+    fn emission_that_begins_before_it_does_is_refused_by_name() {
+        let early =
+            emission(&[("profile", "epanechnikov".into()), ("mean", Value::Num(0.1)), ("width", Value::Num(0.2))]);
+        let said = film(&[("bin", Value::Num(0.5)), ("bins", Value::Int(40)), ("emission", early)]);
+        let error = Timing::from_film(&said, "render.film").unwrap_err();
+        assert!(error.path == "render.film.time.emission.mean" && error.problem.contains("below the width"), "{error}");
+    }
+}

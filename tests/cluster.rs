@@ -1,0 +1,19 @@
+//! Nights of many workers: frozen plans, processes with skewed clocks on one folder, and a real Slurm where there is one.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+
+mod common;
+
+#[path = "cluster/frozen.rs"]
+mod frozen;
+#[path = "cluster/night.rs"]
+mod night;
+#[path = "cluster/queue.rs"]
+mod queue;
+#[path = "cluster/slurm.rs"]
+mod slurm;
+#[path = "cluster/workers.rs"]
+mod workers;
+#[allow(dead_code, reason = "the other binary that runs the program uses more of it")]
+#[path = "cli/workplace.rs"]
+mod workplace;

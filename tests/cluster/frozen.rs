@@ -1,0 +1,103 @@
+//! Plans that are frozen: what a worker needs, and what it refuses.
+
+use super::night::{RUNS, differing, evidence, finished, home, script};
+use super::workplace::Workplace;
+
+/// A workplace with a night that is frozen and of which one cell is rendered.
+fn frozen() -> (Workplace, String) {
+    let place = Workplace::new();
+    place.write("crew.lua", &script(0));
+    // A job's script is made where no queue is: the plan is frozen, and nothing lost.
+    let said = place.fail(2, &["submit", "slurm", "crew.lua", "--workers", "2", "--", "--no-such-option-of-sbatch"]);
+    assert!(said.contains("Nothing is lost") && said.contains("lumbre work"), "{said}");
+    let home = home(&place, "out");
+    (place, home)
+}
+
+#[test]
+fn a_worker_makes_the_night_that_one_machine_makes() {
+    let (place, home) = frozen();
+    // From another folder, and after the script was edited: the frozen copy counts.
+    place.write("crew.lua", "error('edited')");
+    std::fs::create_dir(place.path("elsewhere")).unwrap();
+    let mut command = place.command(&["work", &format!("../{home}"), "-q"]);
+    let output = command.current_dir(place.path("elsewhere")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("| depth"), "the last worker prints the tables");
+    place.write("crew.lua", &script(0));
+    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    assert_eq!(differing(&evidence(&place, "out"), &evidence(&place, "alone")), Vec::<String>::new());
+    let counts = finished(&place, &home);
+    assert_eq!((counts.len(), counts.values().sum::<usize>()), (RUNS, RUNS));
+    assert!(
+        !place.path(&format!("{home}/journal.jsonl")).exists()
+            || place.read(&format!("{home}/journal.jsonl")).is_empty()
+    );
+    // A second one finds nothing to do, and the planner takes all for done.
+    let again = place.succeed(&["work", &home]);
+    assert!(again.stderr.contains("all is done"), "{}", again.stderr);
+    assert!(place.succeed(&["run", "crew.lua"]).stderr.contains("nothing to do"));
+    let status = place.succeed(&["status"]);
+    assert!(status.stdout.contains("0 here, 0 lost, 2 left"), "{}", status.stdout);
+}
+
+#[test]
+fn what_was_edited_or_is_missing_is_named() {
+    let (place, home) = frozen();
+    let scene = place.read("ball.scn");
+    place.write("ball.scn", &scene.replace("0.5, 0.5, 0.5", "0.5, 0.5, 0.6"));
+    let said = place.fail(2, &["work", &home]);
+    for part in ["was edited after it was frozen", "its hash was", "first difference: cell depth=2", "ball.scn"] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    std::fs::remove_file(place.path("ball.scn")).unwrap();
+    let said = place.fail(2, &["work", &home]);
+    assert!(said.contains("changed or gone since") && said.contains("ball.scn"), "{said}");
+    place.write("ball.scn", &scene);
+
+    let file = format!("{home}/frozen.json");
+    let text = place.read(&file);
+    let version = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
+    place.write(&file, &text.replace(version, "lumbre 0.0.9"));
+    let said = place.fail(2, &["work", &home]);
+    assert!(said.contains("frozen by lumbre 0.0.9") && said.contains(version), "{said}");
+    let folder = place.json(&file)["folder"].as_str().unwrap().to_owned();
+    place.write(&file, &text.replace(&format!("\"{folder}\""), "\"/no/such/folder\""));
+    let said = place.fail(2, &["work", &home]);
+    assert!(said.contains("does not see /no/such/folder") && said.contains("shared"), "{said}");
+    std::fs::remove_file(place.path(&file)).unwrap();
+    assert!(place.fail(2, &["work", &home]).contains("no frozen plan"));
+    let said = place.fail(2, &["work", "nowhere"]);
+    assert!(said.contains("nowhere on ") && said.contains("file system that they share"), "{said}");
+    place.write(&file, &text);
+    assert!(place.fail(2, &["work", &home, "--only", "deep=2"]).contains("no axis `deep`"));
+    assert!(place.fail(2, &["work", &home, "--backend", "cpu"]).contains("leave --backend out"));
+    assert!(place.fail(2, &["cancel", &home]).contains("no job was submitted"));
+    // Nothing of this touched the night.
+    place.succeed(&["work", &home, "-q"]);
+    assert_eq!(finished(&place, &home).len(), RUNS);
+}
+
+#[test]
+fn part_of_a_plan_leaves_the_rest_to_others() {
+    let (place, home) = frozen();
+    let part = place.run(&["work", &home, "--only", "depth=2", "--only", "technique=nee"]);
+    assert_eq!(part.status, 4, "{}", part.stderr);
+    assert_eq!(finished(&place, &home).len(), 3, "two repeats and their reference");
+    assert!(!place.path(&format!("{home}/tables/errors.csv")).exists());
+    // A worker with another model of device leaves the comparison alone, and says so.
+    let bond = std::fs::read_dir(place.path(&format!("{home}/bonds"))).unwrap().next().unwrap().unwrap().path();
+    let text = std::fs::read_to_string(&bond).unwrap();
+    std::fs::write(&bond, r#"{"device":"far, device 0","model":"a better device"}"#).unwrap();
+    let other = place.run(&["work", &home]);
+    assert_eq!(other.status, 4, "{}", other.stderr);
+    assert!(
+        other.stderr.contains("4 cells left to others") && other.stderr.contains("a better device"),
+        "{}",
+        other.stderr
+    );
+    std::fs::write(&bond, text).unwrap();
+    place.succeed(&["work", &home, "-q"]);
+    assert_eq!(finished(&place, &home).values().filter(|n| **n != 1).count(), 0);
+    assert!(place.path(&format!("{home}/tables/errors.csv")).exists());
+}

@@ -1,0 +1,82 @@
+//! The night that all of these tests render, and what of it must be the same wherever it was.
+
+use std::collections::BTreeMap;
+
+use super::workplace::Workplace;
+
+/// Two depths, three techniques, two seeds, a reference for each depth. Samples end every cell, and none takes long,
+/// but for `naps` thousand turns of a loop between waves.
+pub fn script(naps: u32) -> String {
+    format!(
+        r#"
+local x = experiment("crew", {{ seed = 7, repeats = 2 }})
+x:axis("depth", {{ 2, 4 }})
+x:axis("technique", {{ "bpt", "nee", "bdpt" }})
+local function nap(row)
+  local n = 0
+  for i = 1, {naps} * 1000 do n = n + i % 7 end
+  return false
+end
+x:render(function(p)
+  return {{ scene = "ball.scn", integrator = p.technique, max_depth = p.depth, resolution = {{ 24, 16 }}, backend = "mock" }}
+end)
+x:reference {{ from = function(p) return {{ integrator = "bpt" }} end, stop = stop.samples(4096) }}
+x:measure {{ every = "1h", rmse = metric.rmse(), keep = {{ exr = "pow2" }} }}
+x:stop(function(p) return stop.any {{ stop.predicate(nap), stop.samples(64) }} end)
+x:checkpoint("0.001s")
+x:figure("convergence", {{ x = "samples", y = {{ "rmse" }}, by = "technique", facet = {{ "depth" }} }})
+x:table("errors", {{ value = "rmse", rows = "depth", cols = "technique", format = {{ "md", "csv" }} }})
+return x
+"#
+    )
+}
+
+/// Cells and references of it.
+pub const RUNS: usize = 14;
+
+/// What a night leaves for its reader, by relative path: tables, figures, and every run's pictures and measurements
+/// without clocks.
+pub fn evidence(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
+    let home = format!("{out}/latest");
+    let home = place.path(&home).canonicalize().unwrap();
+    let relative = home.strip_prefix(place.path("").canonicalize().unwrap()).unwrap().to_string_lossy().into_owned();
+    let mut found = BTreeMap::new();
+    for file in place.files(&relative) {
+        let kept = ["/tables/", "/figures/"].iter().any(|part| file.contains(part)) || file.ends_with(".exr");
+        if kept {
+            let name = file.strip_prefix(&relative).unwrap().to_owned();
+            found.insert(name, std::fs::read(place.path(&file)).unwrap());
+        }
+    }
+    assert!(found.keys().any(|name| name.ends_with("errors.csv")), "{:?}", found.keys());
+    found
+}
+
+/// The names of what differs.
+pub fn differing(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
+    let names = a.keys().chain(b.keys());
+    let mut odd: Vec<String> = names.filter(|name| a.get(*name) != b.get(*name)).cloned().collect();
+    odd.sort();
+    odd.dedup();
+    odd
+}
+
+/// How often each run was finished, by what the journals of a night's folder say.
+pub fn finished(place: &Workplace, home: &str) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    for file in place.files(home).iter().filter(|f| f.ends_with(".jsonl")) {
+        let text = place.read(file);
+        for line in text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok()) {
+            if line["event"] == "cell_finished" && line["outcome"] == "done" {
+                *counts.entry(line["run"].to_string()).or_default() += 1;
+            }
+        }
+    }
+    counts
+}
+
+/// The night's folder below `out`, relative to the workplace.
+pub fn home(place: &Workplace, out: &str) -> String {
+    let link = std::fs::read_link(place.path(&format!("{out}/latest"))).unwrap();
+    format!("{out}/{}", link.display())
+}

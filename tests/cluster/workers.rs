@@ -1,0 +1,93 @@
+//! Several workers on one folder, with clocks that do not agree, with and without locks.
+
+use std::path::PathBuf;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use super::night::{RUNS, differing, evidence, finished, home, script};
+use super::workplace::Workplace;
+
+/// The library that shows a process another time.
+fn faketime() -> Option<PathBuf> {
+    let known = [
+        "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1",
+        "/usr/lib/aarch64-linux-gnu/faketime/libfaketimeMT.so.1",
+    ];
+    known.iter().map(PathBuf::from).find(|file| file.is_file())
+}
+
+fn start(place: &Workplace, home: &str, skew: &str, locks: bool) -> Child {
+    let mut command = place.command(&["work", home, "-q", "--no-tui", "--threads", "1", "--affinity", "none"]);
+    if let Some(library) = faketime() {
+        command.env("LD_PRELOAD", library).env("FAKETIME", skew).env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
+    }
+    if !locks {
+        command.env("LUMBRE_LOCKS", "none");
+    }
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit()).spawn().unwrap()
+}
+
+fn until(what: &str, mut is: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is() {
+        assert!(start.elapsed() < Duration::from_secs(120), "waited too long for {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn night_of(locks: bool) {
+    if faketime().is_none() {
+        println!("SKIPPED: libfaketime is not installed, so all clocks agree");
+    }
+    let place = Workplace::new();
+    place.write("crew.lua", &script(150));
+    place.run(&["submit", "hq", "crew.lua", "-q"]);
+    let home = home(&place, "out");
+    // Hours and days apart: leases are judged by the folder's clock alone.
+    let mut workers: Vec<Child> = ["+0", "-3h", "+2d"].iter().map(|skew| start(&place, &home, skew, locks)).collect();
+    until("the first runs", || finished(&place, &home).len() >= 2);
+    if locks {
+        // One dies in the middle; whoever comes next takes over what it left, at once.
+        workers[1].kill().unwrap();
+        workers[1].wait().unwrap();
+        workers[1] = start(&place, &home, "-40d", locks);
+    }
+    for mut worker in workers {
+        assert!(worker.wait().unwrap().success());
+    }
+    let counts = finished(&place, &home);
+    assert_eq!((counts.len(), counts.values().sum::<usize>()), (RUNS, RUNS), "no run twice: {counts:?}");
+    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    assert_eq!(differing(&evidence(&place, "out"), &evidence(&place, "alone")), Vec::<String>::new());
+    let left = place.files(&home);
+    let odd = left.iter().find(|f| f.ends_with("/claim") || f.contains("ckpt.") || f.contains(".tmp"));
+    assert_eq!(odd, None);
+}
+
+#[test]
+fn workers_whose_clocks_disagree_share_a_night_and_its_dead() {
+    night_of(true);
+}
+
+#[test]
+fn workers_without_locks_share_a_night() {
+    night_of(false);
+}
+
+#[test]
+fn a_worker_that_is_asked_to_leave_says_so_and_is_followed_by_another() {
+    let place = Workplace::new();
+    place.write("crew.lua", &script(300));
+    place.run(&["submit", "hq", "crew.lua", "-q"]);
+    let home = home(&place, "out");
+    let mut first = start(&place, &home, "+0", true);
+    until("the first run", || !finished(&place, &home).is_empty());
+    let kill = std::process::Command::new("kill").args(["-s", "USR1", &first.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    assert_eq!(first.wait().unwrap().code(), Some(75));
+    let status = place.succeed(&["status", &home]);
+    assert!(status.stdout.contains("0 here, 0 lost, 1 left"), "{}", status.stdout);
+    place.succeed(&["work", &home, "-q"]);
+    let counts = finished(&place, &home);
+    assert_eq!((counts.len(), counts.values().sum::<usize>()), (RUNS, RUNS));
+}

@@ -1,0 +1,276 @@
+//! Orders of cells, warm-up, and the A/A check: whether techniques are compared fairly.
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex};
+
+use lumbre::experiment::control::{Finding, check};
+use lumbre::experiment::event::Level;
+use lumbre::experiment::plan::identity::{cell_seed, warmup_seed};
+use lumbre::experiment::spec::{Order, Warmup};
+use lumbre::experiment::{CellRef, Event, NightSummary, Outcome, Plan, Sink, SinkError, StopRule};
+use lumbre::film::Film;
+use lumbre::render::mock::MockRenderer;
+use lumbre::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+
+use crate::fixtures::{Lab, Night, Recorder, at, config, ints, whole_at};
+
+/// Three techniques at two depths.
+fn lab(order: Order) -> Lab {
+    let mut lab = Lab::new().axis("depth", ints([2, 5])).axis("technique", ["bpt", "nee", "bdpt"]);
+    lab.spec.night.order = order;
+    lab.spec.measure.every_s = 0.4;
+    lab.render = Box::new(|p| {
+        let mut config = config();
+        config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned();
+        config.max_depth = Some(whole_at(p, "depth"));
+        Ok(config)
+    });
+    lab.stop = Box::new(|_| Ok(StopRule::Samples(400)));
+    lab
+}
+
+/// A run on a machine that is slower the longer it works.
+struct Tired {
+    inner: MockRenderer,
+    seed: u64,
+    machine: Arc<Machine>,
+    /// Seconds of a sample when the machine is fresh.
+    sample_s: f64,
+}
+
+#[derive(Default)]
+struct Machine {
+    worked_s: Mutex<f64>,
+    /// How much slower each second of work makes it.
+    drift: f64,
+    /// Every call of a renderer: its seed and its samples.
+    calls: Mutex<Vec<(u64, u64)>>,
+}
+
+impl Renderer for Tired {
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        let stats = self.inner.advance(samples)?;
+        self.machine.calls.lock().unwrap().push((self.seed, samples));
+        let mut worked_s = self.machine.worked_s.lock().unwrap();
+        let before_s = *worked_s;
+        for _ in 0..samples {
+            *worked_s += self.sample_s * (1.0 + self.machine.drift * *worked_s);
+        }
+        Ok(WaveStats { render_s: *worked_s - before_s, ..stats })
+    }
+
+    fn film(&self) -> &Film {
+        self.inner.film()
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        self.inner.open_stats()
+    }
+}
+
+/// A night on a machine that grows slower; a sample of `bdpt` takes three times as long as one of the others.
+fn night(lab: &Lab, drift: f64) -> (NightSummary, Recorder, Arc<Plan>, Arc<Machine>) {
+    let machine = Arc::new(Machine { drift, ..Machine::default() });
+    let open = |_: &str, scene, job: Job| -> Result<Box<dyn Renderer>, RenderError> {
+        let sample_s = if job.integrator.name == "bdpt" { 0.03 } else { 0.01 };
+        if job.integrator.name == "nee" && job.rr_start == Some(7) {
+            let inner = MockRenderer::new(scene, job).failing_after(10);
+            return Ok(Box::new(inner));
+        }
+        let seed = job.seed;
+        Ok(Box::new(Tired { inner: MockRenderer::new(scene, job), seed, machine: Arc::clone(&machine), sample_s }))
+    };
+    let plan = Arc::new(lab.plan());
+    let mut heard = Recorder::default();
+    let night = Night { open: &open, ..Night::default() };
+    let summary = night.carry_out(lab, &plan, &mut [&mut heard]).unwrap();
+    (summary, heard, plan, machine)
+}
+
+#[test]
+fn shuffled_cells_come_each_once_in_an_order_that_the_seed_decides() {
+    let lab = lab(Order::Shuffled);
+    let order: Vec<usize> = lab.plan().heats(false).concat();
+    assert_eq!(order.iter().collect::<BTreeSet<_>>().len(), 6);
+    assert_ne!(order, (0..6).collect::<Vec<_>>());
+    assert_eq!(order, lab.plan().heats(false).concat(), "the same in every launch");
+    let mut other = self::lab(Order::Shuffled);
+    other.spec.seed = 7;
+    assert_ne!(order, other.plan().heats(false).concat());
+    let coarse = Lab {
+        spec: {
+            let mut spec = lab.spec.clone();
+            spec.repeats = 2;
+            spec
+        },
+        ..lab
+    };
+    let plan = coarse.plan();
+    let repeats: Vec<u32> = plan.heats(true).concat().into_iter().map(|i| plan.cells[i].repeat).collect();
+    assert_eq!(
+        repeats,
+        [[0; 6], [1; 6]].concat(),
+        "with a deadline, what is finished is still a complete smaller grid"
+    );
+}
+
+#[test]
+fn techniques_of_one_picture_are_one_heat_and_other_pictures_are_others() {
+    let mut lab = lab(Order::Interleave);
+    assert_eq!(lab.plan().heats(false), [[0, 1, 2], [3, 4, 5]]);
+    assert_eq!(self::lab(Order::Sequential).plan().heats(false), [[0], [1], [2], [3], [4], [5]]);
+    lab.spec.repeats = 2;
+    assert_eq!(lab.plan().heats(false), [[0, 2, 4], [1, 3, 5], [6, 8, 10], [7, 9, 11]], "repeats do not race");
+    lab.spec.repeats = 1;
+    lab.render = Box::new(|_| Ok(config()));
+    assert_eq!(lab.plan().heats(false).concat().len(), 6);
+    assert_eq!(lab.plan().heats(false)[1..].concat(), [1, 2, 3, 4, 5], "a run that stands six times races with nobody");
+}
+
+#[test]
+fn turns_go_to_whose_clock_is_furthest_behind_and_change_no_picture() {
+    let (summary, heard, ..) = night(&lab(Order::Interleave), 0.0);
+    assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+    // Until the first is done, no clock of the first heat is more than a turn and a wave ahead of another.
+    let mut clocks = [0.0; 3];
+    for event in &heard.events {
+        match event {
+            Event::Wave { cell: CellRef::Cell(i), row, .. } if *i < 3 => clocks[*i] = row.render_s,
+            Event::CellFinished { .. } => break,
+            _ => {}
+        }
+        let (least, most) = clocks.iter().fold((f64::MAX, 0.0f64), |(a, b), c| (a.min(*c), b.max(*c)));
+        assert!(most - least <= 0.9 + 1e-9, "{clocks:?}");
+    }
+    assert!(clocks.iter().all(|clock| *clock > 3.0), "{clocks:?}");
+    let message = &heard.messages(Level::Info)[0];
+    assert_eq!(message, "3 techniques take turns on one picture");
+    let (_, alone, ..) = night(&lab(Order::Sequential), 0.0);
+    for i in (0..6).map(CellRef::Cell) {
+        assert_eq!(heard.film(i), alone.film(i));
+        assert_eq!(heard.rows(i).last().unwrap().samples, 400);
+        let (a, b) = (heard.rows(i).last().unwrap().render_s, alone.rows(i).last().unwrap().render_s);
+        assert!((a - b).abs() < 1e-9, "each clock counts its own turns: {a} and {b}");
+    }
+}
+
+#[test]
+fn a_machine_that_tires_slows_all_of_those_that_take_turns_alike() {
+    let speed = |order| {
+        let mut lab = lab(order);
+        lab.spec.axes[1].steps.truncate(2);
+        let (summary, ..) = night(&lab, 0.05);
+        let rate = |i: usize| {
+            let last = summary.results[i].rows.last().unwrap();
+            last.samples as f64 / last.render_s
+        };
+        rate(1) / rate(0)
+    };
+    assert!(speed(Order::Sequential) < 0.9, "the second of two equally fast techniques looks slower");
+    assert!((speed(Order::Interleave) - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn what_fails_in_a_heat_fails_alone_and_a_wish_is_meant_for_its_first_run() {
+    struct Skips<'a>(&'a lumbre::experiment::Control, bool);
+    impl Sink for Skips<'_> {
+        fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+            // Wished while the second has its turn.
+            if matches!(event, Event::Wave { cell: CellRef::Cell(1), .. }) && !std::mem::replace(&mut self.1, true) {
+                self.0.request_skip();
+            }
+            Ok(())
+        }
+    }
+    let mut lab = lab(Order::Interleave);
+    let render = std::mem::replace(&mut lab.render, Box::new(|_| Ok(config())));
+    lab.render = Box::new(move |p| render(p).map(|c| lumbre::experiment::CellConfig { rr_start: Some(7), ..c }));
+    let (summary, ..) = night(&lab, 0.0);
+    let words: Vec<&str> = summary
+        .results
+        .iter()
+        .map(|r| match &r.outcome {
+            Outcome::Done(_) => "done",
+            Outcome::Failed(_) => "failed",
+            _ => "other",
+        })
+        .collect();
+    assert_eq!(words, ["done", "failed", "done", "done", "failed", "done"]);
+
+    let lab = self::lab(Order::Interleave);
+    let plan = Arc::new(lab.plan());
+    let night = Night::default();
+    let mut skips = Skips(&night.control, false);
+    let summary = night.carry_out(&lab, &plan, &mut [&mut skips]).unwrap();
+    let given_up: Vec<CellRef> =
+        summary.results.iter().filter(|r| r.outcome == Outcome::Interrupted).map(|r| r.cell).collect();
+    assert_eq!(given_up, [CellRef::Cell(0)]);
+}
+
+#[test]
+fn what_is_rendered_to_warm_up_is_in_no_clock_and_no_picture() {
+    let (_, cold, _, machine) = night(&lab(Order::Sequential), 0.0);
+    assert!(machine.calls.lock().unwrap().iter().all(|(seed, _)| *seed == cell_seed(1, 0)));
+    for warmup in [Warmup::Samples(37), Warmup::Time(1.0)] {
+        let mut lab = lab(Order::Sequential);
+        lab.spec.night.warmup = Some(warmup);
+        let (_, warm, plan, machine) = night(&lab, 0.0);
+        assert_eq!(plan.cells[0].id, self::lab(Order::Sequential).plan().cells[0].id, "it is the same run");
+        for i in (0..6).map(CellRef::Cell) {
+            assert_eq!(warm.film(i), cold.film(i));
+            assert_eq!(warm.totals(i).last(), cold.totals(i).last());
+            assert!((warm.rows(i).last().unwrap().render_s - cold.rows(i).last().unwrap().render_s).abs() < 1e-9);
+        }
+        let calls = machine.calls.lock().unwrap().clone();
+        let thrown: u64 = calls.iter().filter(|(seed, _)| *seed == warmup_seed()).map(|(_, n)| n).sum();
+        // A second is 100 samples of bpt and nee, 34 of bdpt.
+        let expected = if warmup == Warmup::Samples(37) { 6 * 37..=6 * 37 } else { 2 * 234..=2 * 240 };
+        assert!(expected.contains(&thrown), "{thrown}");
+        assert_eq!(calls.iter().map(|(_, n)| n).sum::<u64>(), 6 * 400 + thrown);
+        assert_eq!(calls[0].0, warmup_seed(), "first of all");
+        assert!(warm.messages(Level::Info)[0].starts_with("warmed up for"), "{:?}", warm.messages(Level::Info));
+    }
+}
+
+/// The findings of an A/A check of `bpt` with five repeats on a machine that tires.
+fn controlled(order: Order) -> (Vec<Finding>, Arc<Plan>) {
+    let mut lab = lab(order).measured();
+    lab.spec.control = true;
+    lab.spec.repeats = 5;
+    let (summary, _, plan, _) = night(&lab, 0.002);
+    (check(&plan, &summary.results), plan)
+}
+
+#[test]
+fn the_control_finds_a_machine_that_tires_and_none_where_techniques_take_turns() {
+    let (sequential, plan) = controlled(Order::Sequential);
+    let doubles: Vec<_> = plan.cells.iter().filter(|cell| cell.control.is_some()).collect();
+    // The first technique of each of two depths, five repeats each.
+    assert_eq!((plan.cells.len(), doubles.len()), (2 * 3 * 5 + 10, 10));
+    assert!(doubles.iter().all(|cell| cell.config.integrator == "bpt" && cell.repeat == 5 + cell.pair()));
+    let seeds: BTreeSet<u64> = plan.cells.iter().map(|cell| cell.seed).collect();
+    assert_eq!(seeds.len(), 10, "doubles have seeds of their own");
+    let [speed, rmse] = sequential.as_slice() else { panic!("{sequential:?}") };
+    assert_eq!((speed.measure.as_str(), rmse.measure.as_str(), speed.pairs), ("samples/s", "rmse", 10));
+    assert!(speed.alarm && speed.ratio < 0.99, "{speed:?}");
+    assert!(speed.describe().contains("MORE THAN CHANCE ALLOWS"), "{}", speed.describe());
+    assert!(!rmse.alarm, "{rmse:?}");
+
+    let (interleaved, plan) = controlled(Order::Interleave);
+    assert!(plan.heats(false).iter().all(|heat| heat.len() == 4), "a double races with its original");
+    assert!(interleaved.iter().all(|finding| !finding.alarm), "{interleaved:?}");
+    assert!((interleaved[0].ratio - 1.0).abs() < 1e-3, "{interleaved:?}");
+}
+
+#[test]
+fn a_single_pair_says_nothing_of_chance_and_a_script_chooses_its_points() {
+    let mut lab = lab(Order::Sequential);
+    lab.spec.control = true;
+    let (summary, _, plan, _) = night(&lab, 0.0);
+    let findings = check(&plan, &summary.results);
+    assert_eq!((findings.len(), findings[0].pairs), (1, 2), "nothing is measured but speed");
+    let findings = check(&plan, &summary.results[..3]);
+    assert_eq!(findings.len(), 1);
+    assert!(findings[0].p.is_none() && findings[0].describe().contains("says nothing of chance"), "{findings:?}");
+    assert!(check(&self::lab(Order::Sequential).plan(), &summary.results).is_empty());
+}

@@ -1,0 +1,15 @@
+//! Light with a finite speed, and materials that give it back later: against analytic truth, against each other, and
+//! against a film made by another program.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+
+mod common;
+
+#[path = "transient/arrival.rs"]
+mod arrival;
+#[path = "transient/composed.rs"]
+mod composed;
+#[path = "transient/loaders.rs"]
+mod loaders;
+#[path = "transient/mitransient.rs"]
+mod mitransient;
