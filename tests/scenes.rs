@@ -10,6 +10,8 @@ mod damaged;
 mod edit;
 #[path = "scenes/export.rs"]
 mod export;
+#[path = "scenes/folder.rs"]
+mod folder;
 #[path = "scenes/gltf.rs"]
 mod gltf;
 #[path = "scenes/lights.rs"]

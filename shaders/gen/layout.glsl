@@ -114,10 +114,16 @@ struct Emitter {
     float area; // Area in square scene units.
 };
 
-// A point that shines equally in all directions.
+// A point that shines in all directions or into a cone.
 struct PointLight {
     vec3 position; // Position in world space.
-    vec3 intensity; // Radiant intensity.
+    vec3 intensity; // Radiant intensity along the axis.
+    vec3 axis; // Axis of the cone, a unit vector.
+    float beam; // Angle in radians up to which the intensity is whole.
+    float cutoff; // Angle in radians from which on there is none.
+    float beam_height; // One minus the cosine of `beam`.
+    float cutoff_height; // One minus the cosine of `cutoff`; 2 is all directions.
+    uint is_smooth; // 1 where it falls off with the square of what is linear in the cosine, 0 where linearly with the angle.
 };
 
 // Parallel light.

@@ -46,7 +46,7 @@ fn lua(file: &Path, global: &Global) -> Result<String, Failure> {
 }
 
 fn scene(file: &Path, global: &Global) -> Result<String, Failure> {
-    if file.is_dir() {
+    if file.is_dir() && !scene::load::is_folder(file) {
         return Err(Failure::usage(format!("{} is a folder: name the files in it", file.display())));
     }
     let read = || -> Result<(scene::CompiledScene, Vec<Note>), SceneError> {

@@ -13,7 +13,7 @@ use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::render::OpenStats;
 use crate::scene::SceneDesc;
-use crate::scene::desc::{CameraDesc, Optics};
+use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
@@ -62,15 +62,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
     let technique = point.iter().find(|(axis, _)| axis == "technique").and_then(|(_, v)| v.as_str());
     let integrator = technique.unwrap_or("bpt").to_owned();
     let path: Vec<String> = point.iter().map(|(axis, v)| format!("{axis}={v}")).collect();
-    let camera = CameraDesc {
-        position: Vec3::ZERO,
-        target: Vec3::Z,
-        up: Vec3::Y,
-        fov_deg: 60.0,
-        aperture: 0.0,
-        focus_distance: None,
-        optics: Optics::default(),
-    };
+    let camera = CameraDesc { position: Vec3::ZERO, target: Vec3::Z, fov_deg: 60.0, ..CameraDesc::default() };
     Cell {
         id: RunId(format!("run{index:02}")),
         path: format!("{}/rep={repeat}", path.join("/")),

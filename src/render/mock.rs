@@ -170,7 +170,7 @@ mod tests {
 
     use super::*;
     use crate::render::hierarchy::AccelSpec;
-    use crate::scene::desc::{CameraDesc, Optics};
+    use crate::scene::desc::CameraDesc;
     use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
     use crate::transport::sampler::INDEPENDENT;
@@ -190,15 +190,7 @@ mod tests {
             directionals: Vec::new(),
             environment: None,
             tangents: Vec::new(),
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                up: Vec3::Y,
-                fov_deg: 40.0,
-                aperture: 0.0,
-                focus_distance: None,
-                optics: Optics::default(),
-            },
+            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
             bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],
             max_depth: 5,

@@ -16,7 +16,7 @@ use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
 use crate::scene::SceneDesc;
-use crate::scene::desc::{CameraDesc, Optics};
+use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
@@ -49,15 +49,7 @@ fn config() -> Arc<CellConfig> {
 }
 
 fn scene() -> Arc<SceneDesc> {
-    let camera = CameraDesc {
-        position: Vec3::Z,
-        target: Vec3::ZERO,
-        up: Vec3::Y,
-        fov_deg: 40.0,
-        aperture: 0.0,
-        focus_distance: None,
-        optics: Optics::default(),
-    };
+    let camera = CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() };
     Arc::new(SceneDesc {
         views: Vec::new(),
         resolution: [8, 8],

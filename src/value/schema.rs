@@ -70,6 +70,18 @@ pub struct Field {
     pub doc: &'static str,
 }
 
+impl Field {
+    /// A field that must be there.
+    pub const fn required(key: &'static str, ty: Ty, doc: &'static str) -> Field {
+        Field { key, ty, required: true, default: "", doc }
+    }
+
+    /// A field that may be left out, with its default in words.
+    pub const fn optional(key: &'static str, ty: Ty, default: &'static str, doc: &'static str) -> Field {
+        Field { key, ty, required: false, default, doc }
+    }
+}
+
 /// A table of fields with a name and a sentence about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Table {

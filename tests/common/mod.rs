@@ -10,10 +10,10 @@ use lumbre::render::hierarchy::AccelSpec;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{
-    DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model, NONE, PointLight, Sphere,
-    Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model, NONE, PointLight,
+    Sphere, Texture, TriangleAttributes, UvMap,
 };
-use lumbre::scene::desc::{CameraDesc, Optics};
+use lumbre::scene::desc::{CameraDesc, ConeDesc};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::INDEPENDENT;
@@ -71,15 +71,7 @@ pub struct SceneBuilder {
 impl SceneBuilder {
     /// An empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
-        let camera = CameraDesc {
-            position,
-            target,
-            up: Vec3::Y,
-            fov_deg,
-            aperture: 0.0,
-            focus_distance: None,
-            optics: Optics::default(),
-        };
+        let camera = CameraDesc { position, target, fov_deg, ..CameraDesc::default() };
         SceneBuilder {
             scene: CompiledScene {
                 content_hash: [0; 32],
@@ -182,7 +174,12 @@ impl SceneBuilder {
 
     /// A point that shines.
     pub fn point(self, position: Vec3, intensity: Vec3) -> SceneBuilder {
-        self.with(|s| s.points.push(PointLight { position, intensity }))
+        self.with(|s| s.points.push(PointLight { position, intensity, cone: Cone::WHOLE }))
+    }
+
+    /// A spot that falls off between two angles in degrees.
+    pub fn spot(self, position: Vec3, axis: Vec3, intensity: Vec3, cone: ConeDesc) -> SceneBuilder {
+        self.with(|s| s.points.push(PointLight { position, intensity, cone: Cone::new(axis, &cone) }))
     }
 
     /// Parallel light that travels in a direction.

@@ -7,7 +7,8 @@ use glam::{Vec2, Vec3};
 use lumbre::film::Film;
 use lumbre::math::stats::{normal_two_sided_p, sidak};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DirectionalLight, Environment, Material, PointLight, Texture};
+use lumbre::scene::compile::{Cone, DirectionalLight, Environment, Material, PointLight, Texture};
+use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::contribution::Contribution;
 use lumbre::transport::integrator::{Context, IntegratorRow, integrator};
 use lumbre::transport::sampler::Sampler;
@@ -258,7 +259,11 @@ fn environment_with_caustics() {
 #[test]
 fn points_and_parallel_light() {
     let mut scene = Arc::unwrap_or_clone(room(EYE).sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5)).build());
-    scene.points.push(PointLight { position: Vec3::new(0.3, 1.5, 0.5), intensity: Vec3::splat(1.5) });
+    let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(1.5));
+    scene.points.push(PointLight { position, intensity, cone: Cone::WHOLE });
+    let desc = ConeDesc { beam_deg: 30.0, cutoff_deg: 60.0, edge: ConeEdge::Smooth };
+    let cone = Cone::new(Vec3::new(-0.2, -1.0, 0.1), &desc);
+    scene.points.push(PointLight { position: Vec3::new(-0.6, 1.4, 0.2), intensity: 3.0 * intensity, cone });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(2.0) });
     let setting = Setting { scene: &Arc::new(scene), depth: 4, rr_start: None, samples: 500, noise: 0.01 };

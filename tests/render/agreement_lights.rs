@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{Material, Texture, UvMap};
+use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::integrator::integrator;
 use lumbre::value::Value;
 
@@ -123,6 +124,18 @@ fn points_and_directions_light_a_floor_as_theory_says() {
         {
             assert!((found.0 / exact - 1.0).abs() < 1e-3, "{mis}: {found:?} instead of {exact}");
         }
+    }
+    // A spot whose axis misses the place by an angle between beam and cutoff: theory's falloff.
+    let aim = -place.normalize_or_zero();
+    let aside = aim.any_orthonormal_vector();
+    for (edge, left) in [(ConeEdge::Linear, 0.5), (ConeEdge::Smooth, 0.384631)] {
+        let desc = ConeDesc { beam_deg: 10.0, cutoff_deg: 30.0, edge };
+        let (sin, cos) = 20f32.to_radians().sin_cos();
+        let spot = |b: SceneBuilder| b.spot(place, 3.0 * (aim * cos + aside * sin), Vec3::new(1.0, 4.0, 9.0), desc);
+        let found = floor(spot, &[]).0;
+        assert!((found / (left * of_point) - 1.0).abs() < 2e-3, "{edge:?}: {found} instead of {}", left * of_point);
+        let behind = |b: SceneBuilder| b.spot(place, -aim, Vec3::ONE, desc);
+        assert_eq!(floor(behind, &[]).0, 0.0);
     }
     // Both, and a sky, chosen in every way.
     for select in ["uniform", "area", "power"] {

@@ -15,6 +15,8 @@ use lumbre::transport::light::{LightId, LightPoint, Lights, Select};
 use lumbre::transport::ray::Ray;
 use lumbre::transport::surface::Surface;
 
+use lumbre::scene::desc::{ConeDesc, ConeEdge};
+
 use crate::common::{SceneBuilder, grey, light};
 
 /// The probability that all chi-square tests of one `#[test]` pass by chance alone is one minus this.
@@ -445,4 +447,49 @@ fn paths_from_surfaces_and_points_start_as_their_densities_say() {
     }
     let at = LightPoint { light: LightId::Point(0), position: Vec3::Y * 3.0, normal: Vec3::Y, uv: Vec2::ZERO };
     assert!((f64::from(lights.pdf_emission_at(&lit, &at, Vec3::X).pdf_w) * 4.0 * PI - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn paths_from_spots_start_uniform_over_their_cone_with_its_falloff() {
+    let axis = Vec3::new(0.4, -1.0, 0.3);
+    let mut p = Vec::new();
+    for (key, beam_deg, cutoff_deg) in [(0u32, 0.5f32, 1.0f32), (1, 20.0, 45.0), (2, 60.0, 60.0), (3, 0.0, 150.0)] {
+        for edge in [ConeEdge::Linear, ConeEdge::Smooth] {
+            let desc = ConeDesc { beam_deg, cutoff_deg, edge };
+            let scene = scene().spot(Vec3::ONE, axis, Vec3::splat(2.0), desc).build();
+            let lights = Lights::new(&scene);
+            let height = 2.0 * (f64::from(cutoff_deg).to_radians() / 2.0).sin().powi(2);
+            let cap = Cap::new(axis, height);
+            let (mut observed, mut power) = (vec![0.0; cap.side * cap.side], 0.0);
+            let n = 60_000;
+            for i in 0..n {
+                let u = uniform(i, 90 + key);
+                let Some(e) = lights.sample_emission(&scene, u[0], [u[1], u[2]], [u[3], u[4]]) else { continue };
+                assert!((f64::from(e.pdf_w) * TAU * height - 1.0).abs() < 1e-5, "{desc:?}: {}", e.pdf_w);
+                let again = lights.pdf_emission_at(&scene, &e.point, e.dir);
+                assert_eq!((again.pdf_w, lights.emitted(&scene, &e.point, e.dir)), (e.pdf_w, e.radiance), "{desc:?}");
+                // What arrives where it was sent is what was sent.
+                let from = e.point.position + e.dir * 3.0;
+                let arrives = lights.sample_direct_from(&scene, 0, from, [0.5; 2]).map_or(Vec3::ZERO, |d| d.radiance);
+                assert!((arrives * 9.0 - e.radiance).abs().max_element() < 2e-2, "{desc:?}: {arrives} {}", e.radiance);
+                if let Some(cell) = cap.cell(e.dir) {
+                    observed[cell] += 1.0;
+                }
+                power += f64::from(e.radiance.x / e.pdf_w) / f64::from(n);
+            }
+            let expected = vec![f64::from(n) / observed.len() as f64; observed.len()];
+            p.push(chi_square_p(&observed, &expected, 0));
+            // The closed form by which spots are chosen.
+            let share = scene.points[0].cone.share();
+            assert!((power / (4.0 * PI * 2.0 * share) - 1.0).abs() < 0.015, "{desc:?}: {power}, share {share}");
+            let outside = lights.pdf_emission_at(&scene, &LightPoint { normal: -axis, ..point(&lights) }, -axis);
+            assert_eq!(outside.pdf_w, 0.0);
+        }
+    }
+    let limit = sidak(SIGNIFICANCE, p.len());
+    assert!(p.iter().all(|p| *p > limit), "{p:?}");
+}
+
+fn point(lights: &Lights) -> LightPoint {
+    LightPoint { light: lights.id(0), position: Vec3::ONE, normal: Vec3::Y, uv: Vec2::ZERO }
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::render::cpu::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DirectionalLight, Environment, Material, Model, PointLight, Texture};
+use lumbre::scene::compile::{Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture};
+use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre::transport::integrator::oracle::{self, OracleReport};
 use lumbre::transport::integrator::{Context, Settings};
@@ -128,7 +129,11 @@ fn lights_without_a_place_and_points() {
             .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5))
             .build(),
     );
-    scene.points.push(PointLight { position: Vec3::new(0.3, 1.5, 0.5), intensity: Vec3::splat(3.0) });
+    let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(3.0));
+    scene.points.push(PointLight { position, intensity, cone: Cone::WHOLE });
+    let desc = ConeDesc { beam_deg: 20.0, cutoff_deg: 55.0, edge: ConeEdge::Linear };
+    let cone = Cone::new(Vec3::new(0.3, -1.0, -0.2), &desc);
+    scene.points.push(PointLight { position: position - Vec3::X, intensity, cone });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(2.0) });
     scene.environment = Some(sky());

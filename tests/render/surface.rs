@@ -7,8 +7,8 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 use lumbre::film::Film;
 use lumbre::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot,
-    Transform, mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform,
+    mesh_hash, texture_hash,
 };
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::transport::integrator::integrator;
@@ -43,15 +43,7 @@ fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDe
         content_hash: [0; 32],
     };
     mesh.content_hash = mesh_hash(&mesh);
-    let camera = CameraDesc {
-        position: Vec3::Z * 3.0,
-        target: Vec3::ZERO,
-        up: Vec3::Y,
-        fov_deg: 40.0,
-        aperture: 0.0,
-        focus_distance: None,
-        optics: Optics::default(),
-    };
+    let camera = CameraDesc { position: Vec3::Z * 3.0, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() };
     let entity = EntityDesc {
         name: "e".to_owned(),
         transform: Transform::default(),

@@ -7,14 +7,14 @@ use lumbre::film::Image;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::compile;
 use lumbre::scene::desc::{
-    Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaskMode, MaterialDesc, Model,
-    SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform, texture_hash,
+    ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaskMode,
+    MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform, texture_hash,
 };
 use lumbre::scene::export;
 use lumbre::scene::shape::{cuboid, grid};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
-use lumbre::transport::sampler::INDEPENDENT;
+use lumbre::transport::sampler::SOBOL;
 
 use super::{Folder, builtin_path, lines, scn};
 
@@ -29,24 +29,29 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
     (back, format!("{}{}", lines(&exported.notes), lines(&notes)))
 }
 
-fn picture(desc: &SceneDesc) -> Image {
+pub(super) fn picture(desc: &SceneDesc) -> Image {
+    rendered(desc, [48, 32], 5, 4)
+}
+
+/// What `nee` makes of a scene.
+pub(super) fn rendered(desc: &SceneDesc, resolution: [u32; 2], max_depth: u32, samples: u64) -> Image {
     let (scene, _) = compile(desc).unwrap();
     let job = Job {
         integrator: integrator("nee").unwrap(),
         params: Default::default(),
-        resolution: [48, 32],
-        max_depth: 5,
+        resolution,
+        max_depth,
         rr_start: None,
         filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
         layers: Vec::new(),
         timing: None,
         accel: Default::default(),
-        sampler: INDEPENDENT,
+        sampler: SOBOL,
         seed: 7,
         threads: 0,
     };
     let mut renderer = CpuRenderer::new(Arc::new(scene), job).unwrap();
-    renderer.advance(4).unwrap();
+    renderer.advance(samples).unwrap();
     renderer.film().mean()
 }
 
@@ -102,6 +107,15 @@ fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
     let light = |name: &str, kind| LightDesc { name: name.to_owned(), kind };
     desc.lights = vec![
         light("bulb", LightKind::Point { position: Vec3::new(1.0, 5.0, 4.0), intensity: Vec3::new(20.0, 15.0, 9.0) }),
+        light(
+            "spot",
+            LightKind::Spot {
+                position: Vec3::new(-2.0, 4.0, 5.0),
+                direction: Vec3::new(1.0, -2.0, -3.0),
+                intensity: Vec3::splat(30.0),
+                cone: ConeDesc { beam_deg: 12.0, cutoff_deg: 25.0, edge: ConeEdge::Linear },
+            },
+        ),
         light("sun", LightKind::Directional { direction: Vec3::new(1.0, -2.0, -1.0), irradiance: Vec3::splat(0.7) }),
     ];
     let sky = texture("sky.hdr", Texels::RgbaF32(vec![[3.0, 2.0, 1.0, 1.0], [0.5; 4], [0.1; 4], [0.0; 4]]));
@@ -169,7 +183,7 @@ fn surfaces_come_back_as_they_were() {
     let (back, notes) = round_trip(&desc);
     assert!(notes.is_empty(), "{notes}");
     assert!(back.material_row("Disney__painted").is_some());
-    assert_eq!((back.lights.len(), back.resolution, back.max_depth), (2, desc.resolution, 5));
+    assert_eq!((back.lights.len(), back.resolution, back.max_depth), (3, desc.resolution, 5));
 }
 
 #[test]

@@ -55,10 +55,10 @@ fn faults_of_lights_name_their_place() {
     let environment = |entry: &str| format!("{{ \"environment\": {entry} }}");
     let cases = [
         (LIT.to_owned(), "lights[2].type: unknown type of light `Point` (did you mean `point`?)"),
-        (light("{}"), "lights[0]: a light needs a `type`: point or directional"),
+        (light("{}"), "lights[0]: a light needs a `type`: point, directional or spot"),
         (light("4"), "lights[0]: expected an object"),
         ("{ \"lights\": {} }".to_owned(), "lights: expected a list"),
-        (light(r#"{ "type": "area" }"#), "unknown type of light `area` (known: point, directional)"),
+        (light(r#"{ "type": "area" }"#), "unknown type of light `area` (known: point, directional, spot)"),
         (light(r#"{ "type": "point", "intensity": [1, 1, 1] }"#), "lights[0]: a point light needs `position`"),
         (light(r#"{ "type": "point", "position": [1, 1, 1] }"#), "lights[0]: a point light needs `intensity`"),
         (

@@ -3,7 +3,8 @@
 use glam::Vec3;
 use lumbre::scene::compile;
 use lumbre::scene::desc::{
-    Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, TextureSlot,
+    ConeEdge, Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc,
+    TextureSlot,
 };
 
 use super::{Folder, lines};
@@ -123,7 +124,9 @@ fn lights_shine_as_they_say() {
 <emitter type="constant"><rgb name="radiance" value="0.5"/></emitter>
 <emitter type="point"><point name="position" x="1" y="2" z="3"/><rgb name="intensity" value="4"/></emitter>
 <emitter type="directional" id="sun"><vector name="direction" value="0, -1, 0"/></emitter>
-<emitter type="spot"><float name="cutoff_angle" value="20"/></emitter>"#,
+<emitter type="spot" id="beam"><float name="cutoff_angle" value="40"/><rgb name="intensity" value="5"/>
+<transform name="to_world"><lookat origin="1, 2, 3" target="1, 0, 3" up="1, 0, 0"/></transform></emitter>
+<emitter type="projector"/>"#,
     );
     assert_eq!(desc.entities[0].material.as_deref(), Some("lamp_light"));
     let lamp = &desc.materials[desc.material_row("lamp_light").unwrap()];
@@ -132,7 +135,11 @@ fn lights_shine_as_they_say() {
     assert_eq!(desc.environment.as_ref().unwrap().source, EnvironmentSource::Color(Vec3::splat(0.5)));
     assert!(matches!(desc.lights[0].kind, LightKind::Point { position, .. } if position == Vec3::new(1.0, 2.0, 3.0)));
     assert_eq!(desc.lights[1].name, "sun");
-    assert!(notes.contains("the light `spot` is not known"), "{notes}");
+    assert!(notes.contains("the light `projector` is not known"), "{notes}");
+    let LightKind::Spot { position, direction, intensity, cone } = desc.lights[2].kind else { panic!() };
+    assert_eq!((position, intensity), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(5.0)));
+    assert!((direction - Vec3::NEG_Y).length() < 1e-6);
+    assert_eq!((cone.beam_deg, cone.cutoff_deg, cone.edge), (30.0, 40.0, ConeEdge::Linear));
     let (scene, _) = compile(&desc).unwrap();
     assert_eq!((scene.emitters.len(), scene.triangles.len()), (2, 4));
     // The rectangle faces +z.

@@ -130,7 +130,7 @@ EmissionPdf lights_pdf_emission_at(LightPoint point, vec3 dir) {
         return EmissionPdf(choice * area_pdf_a(point.light), cosine_hemisphere_pdf_w(dot(point.normal, dir)));
     }
     if (kind == LIGHT_POINT) {
-        return EmissionPdf(choice, POINT_PDF_W);
+        return EmissionPdf(choice, point_pdf_w(point.light - job.light_first.x, dir));
     }
     if (kind == LIGHT_DIRECTIONAL) {
         bool own = directional_shines_into(point.light - job.light_first.y, dir);
@@ -147,7 +147,8 @@ vec3 lights_emitted(LightPoint point, vec3 dir) {
         return dot(point.normal, dir) > 0.0 ? area_emission(point.light, point.uv) : vec3(0.0);
     }
     if (kind == LIGHT_POINT) {
-        return points[point.light - job.light_first.x].intensity;
+        uint i = point.light - job.light_first.x;
+        return points[i].intensity * point_falloff(i, dir);
     }
     if (kind == LIGHT_DIRECTIONAL) {
         uint i = point.light - job.light_first.y;

@@ -13,8 +13,8 @@ use super::{Check, Request};
 use crate::film::Image;
 use crate::scene::compile;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model, Optics, SceneDesc,
-    ShapeDesc, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model, SceneDesc, ShapeDesc,
+    Transform, mesh_hash,
 };
 
 /// Marks the seeds of these checks.
@@ -184,15 +184,7 @@ fn scene(
         views: Vec::new(),
         resolution: [1, 1],
         max_depth: 1,
-        camera: CameraDesc {
-            position,
-            target,
-            up: Vec3::Y,
-            fov_deg,
-            aperture: 0.0,
-            focus_distance: None,
-            optics: Optics::default(),
-        },
+        camera: CameraDesc { position, target, fov_deg, ..CameraDesc::default() },
         materials,
         entities,
         lights: Vec::new(),

@@ -224,12 +224,24 @@ gpu_structs! {
         area: f32,
     }
 
-    /// A point that shines equally in all directions.
+    /// A point that shines in all directions or into a cone.
     pub struct PointLight {
         /// Position in world space.
         position: [f32; 3],
-        /// Radiant intensity.
+        /// Radiant intensity along the axis.
         intensity: [f32; 3],
+        /// Axis of the cone, a unit vector.
+        axis: [f32; 3],
+        /// Angle in radians up to which the intensity is whole.
+        beam: f32,
+        /// Angle in radians from which on there is none.
+        cutoff: f32,
+        /// One minus the cosine of `beam`.
+        beam_height: f32,
+        /// One minus the cosine of `cutoff`; 2 is all directions.
+        cutoff_height: f32,
+        /// 1 where it falls off with the square of what is linear in the cosine, 0 where linearly with the angle.
+        is_smooth: u32,
     }
 
     /// Parallel light.

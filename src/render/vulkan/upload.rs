@@ -77,7 +77,16 @@ impl SceneBuffers {
         let points: Vec<layout::PointLight> = scene
             .points
             .iter()
-            .map(|p| layout::PointLight { position: p.position.into(), intensity: p.intensity.into() })
+            .map(|p| layout::PointLight {
+                position: p.position.into(),
+                intensity: p.intensity.into(),
+                axis: p.cone.axis.into(),
+                beam: p.cone.beam,
+                cutoff: p.cone.cutoff,
+                beam_height: p.cone.beam_height,
+                cutoff_height: p.cone.cutoff_height,
+                is_smooth: u32::from(p.cone.smooth),
+            })
             .collect();
         let directionals: Vec<layout::DirectionalLight> = scene
             .directionals

@@ -9,8 +9,8 @@ use crate::render::hierarchy::AccelSpec;
 use crate::render::{BACKENDS, Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{
-    DirectionalLight, Distribution, Emitter, Environment, Instance, Instances, Interface, MaskMode, Material, Model,
-    PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Distribution, Emitter, Environment, Instance, Instances, Interface, MaskMode, Material,
+    Model, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FILTERS, FilterKind, FilterSpec};
@@ -32,7 +32,8 @@ structs! {
     Emitter { primitive, instance, area }
     Instances { meshes, places, materials }
     Instance { mesh, to_world, normal_to_world, materials, emitters, first }
-    PointLight { position, intensity }
+    Cone { axis, beam, cutoff, beam_height, cutoff_height, smooth }
+    PointLight { position, intensity, cone }
     DirectionalLight { direction, irradiance }
     Environment { map, radiance, rotation_rad }
     Texture { width, height, texels }

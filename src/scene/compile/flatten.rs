@@ -337,7 +337,7 @@ mod tests {
     use glam::Affine3A;
 
     use super::*;
-    use crate::scene::desc::{MaterialDesc, Optics, Transform, mesh_hash};
+    use crate::scene::desc::{MaterialDesc, Transform, mesh_hash};
 
     fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<MeshDesc> {
         let mut m = MeshDesc {
@@ -359,15 +359,7 @@ mod tests {
             views: Vec::new(),
             resolution: [8, 8],
             max_depth: 5,
-            camera: CameraDesc {
-                position: Vec3::Z * 5.0,
-                target: Vec3::ZERO,
-                up: Vec3::Y,
-                fov_deg: 45.0,
-                aperture: 0.0,
-                focus_distance: None,
-                optics: Optics::default(),
-            },
+            camera: CameraDesc { position: Vec3::Z * 5.0, target: Vec3::ZERO, fov_deg: 45.0, ..CameraDesc::default() },
             materials: vec![material],
             entities: shapes
                 .into_iter()

@@ -6,16 +6,80 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::Texture;
-use crate::scene::desc::{EnvironmentDesc, EnvironmentSource, LightKind, MAX_COORDINATE, SceneDesc};
+use crate::scene::desc::{
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MAX_COORDINATE, SceneDesc,
+};
 use crate::scene::{Note, SceneError};
 
-/// A point that shines equally in all directions.
+/// A point that shines in all directions or into a cone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
     /// Position in world space.
     pub position: Vec3,
-    /// Radiant intensity, not black.
+    /// Radiant intensity along the axis of the cone, not black.
     pub intensity: Vec3,
+    /// Where it shines.
+    pub cone: Cone,
+}
+
+/// The directions into which a point shines. The height of a direction is one minus its cosine with the axis, which keeps
+/// its digits in narrow cones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Its axis, a unit vector.
+    pub axis: Vec3,
+    /// Angle from the axis in radians up to which the intensity is whole.
+    pub beam: f32,
+    /// Angle from the axis in radians from which on there is none.
+    pub cutoff: f32,
+    /// Height of `beam`.
+    pub beam_height: f32,
+    /// Height of `cutoff`; 2 is that of all directions, where nothing falls off.
+    pub cutoff_height: f32,
+    /// Whether intensity falls off with the square of what is linear in the cosine, instead of linearly with the angle.
+    pub smooth: bool,
+}
+
+impl Cone {
+    /// All directions.
+    pub const WHOLE: Cone = Cone {
+        axis: Vec3::Z,
+        beam: std::f32::consts::PI,
+        cutoff: std::f32::consts::PI,
+        beam_height: 2.0,
+        cutoff_height: 2.0,
+        smooth: false,
+    };
+
+    /// A cone about a direction of any length but zero.
+    pub fn new(axis: Vec3, desc: &ConeDesc) -> Cone {
+        let height = |degrees: f32| (2.0 * (f64::from(degrees).to_radians() / 2.0).sin().powi(2)) as f32;
+        Cone {
+            axis: axis.as_dvec3().normalize_or(glam::DVec3::Z).as_vec3(),
+            beam: desc.beam_deg.to_radians(),
+            cutoff: desc.cutoff_deg.to_radians(),
+            beam_height: height(desc.beam_deg),
+            cutoff_height: height(desc.cutoff_deg),
+            smooth: desc.edge == ConeEdge::Smooth,
+        }
+    }
+
+    /// Whether it is all directions.
+    #[inline]
+    pub fn is_whole(&self) -> bool {
+        self.cutoff_height >= 2.0
+    }
+
+    /// Mean over all directions of what is left of the intensity.
+    pub fn share(&self) -> f64 {
+        let [beam, cutoff] = [self.beam, self.cutoff].map(f64::from);
+        let [low, high] = [self.beam_height, self.cutoff_height].map(f64::from);
+        if self.smooth || high - low < 1e-9 {
+            return (low + (high - low) * if self.smooth { 1.0 / 3.0 } else { 0.5 }) / 2.0;
+        }
+        // The integral of sin t (cutoff - t) / (cutoff - beam) from beam to cutoff, and of sin t before.
+        (1.0 - (cutoff.sin() - beam.sin()) / (cutoff - beam)) / 2.0
+    }
 }
 
 /// Parallel light from infinitely far away.
@@ -62,15 +126,28 @@ pub(super) fn compile(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<Compile
             color == Vec3::ZERO
         };
         match light.kind {
-            LightKind::Point { position, intensity } => {
+            LightKind::Point { position, intensity } | LightKind::Spot { position, intensity, .. } => {
                 if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
                     let problem =
                         format!("its position {position} does not lie within {MAX_COORDINATE:e} of the origin");
                     return Err(fail(problem));
                 }
                 check_color("intensity", intensity).map_err(fail)?;
+                let mut cone = Cone::WHOLE;
+                if let LightKind::Spot { direction, cone: desc, .. } = light.kind {
+                    if direction.as_dvec3().try_normalize().is_none() {
+                        return Err(fail(format!("its direction {direction} points nowhere")));
+                    }
+                    if !desc.is_possible() {
+                        let ConeDesc { beam_deg, cutoff_deg, .. } = desc;
+                        return Err(fail(format!(
+                            "a beam of {beam_deg} and a cutoff of {cutoff_deg} degrees are no cone"
+                        )));
+                    }
+                    cone = Cone::new(direction, &desc);
+                }
                 if !dark(intensity) {
-                    compiled.points.push(PointLight { position, intensity });
+                    compiled.points.push(PointLight { position, intensity, cone });
                 }
             }
             LightKind::Directional { direction, irradiance } => {
@@ -158,7 +235,7 @@ fn repair(map: &mut Texture) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, LightDesc, Optics, Texels, TextureDesc, texture_hash};
+    use crate::scene::desc::{CameraDesc, LightDesc, Texels, TextureDesc, texture_hash};
 
     fn scene(lights: Vec<LightKind>, environment: Option<EnvironmentDesc>) -> SceneDesc {
         let named = |(i, kind)| LightDesc { name: format!("l{i}"), kind };
@@ -166,15 +243,7 @@ mod tests {
             views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                up: Vec3::Y,
-                fov_deg: 45.0,
-                aperture: 0.0,
-                focus_distance: None,
-                optics: Optics::default(),
-            },
+            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() },
             materials: vec![],
             entities: vec![],
             lights: lights.into_iter().enumerate().map(named).collect(),

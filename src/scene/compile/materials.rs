@@ -180,7 +180,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::scene::desc::{CameraDesc, Optics, texture_hash};
+    use crate::scene::desc::{CameraDesc, texture_hash};
 
     fn texture(texels: Texels) -> Arc<TextureDesc> {
         let content_hash = texture_hash(1, 1, &texels);
@@ -188,15 +188,7 @@ mod tests {
     }
 
     fn scene(materials: Vec<MaterialDesc>) -> SceneDesc {
-        let camera = CameraDesc {
-            position: Vec3::Z,
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            fov_deg: 45.0,
-            aperture: 0.0,
-            focus_distance: None,
-            optics: Optics::default(),
-        };
+        let camera = CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() };
         SceneDesc {
             views: Vec::new(),
             resolution: [1, 1],

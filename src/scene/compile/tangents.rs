@@ -61,7 +61,7 @@ mod tests {
 
     use crate::scene::compile;
     use crate::scene::desc::{
-        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform, mesh_hash,
     };
 
     fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
@@ -80,15 +80,7 @@ mod tests {
             views: Vec::new(),
             resolution: [4, 4],
             max_depth: 2,
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                up: Vec3::Y,
-                fov_deg: 40.0,
-                aperture: 0.0,
-                focus_distance: None,
-                optics: Optics::default(),
-            },
+            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
             materials: vec![MaterialDesc { anisotropic, ..MaterialDesc::new("m") }],
             entities: vec![EntityDesc {
                 name: "quad".to_owned(),

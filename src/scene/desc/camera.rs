@@ -39,6 +39,21 @@ pub struct Optics {
     pub sensor_height: Option<f32>,
 }
 
+impl Default for CameraDesc {
+    /// A pinhole at the origin that looks along -z with +y up, through 45 degrees.
+    fn default() -> CameraDesc {
+        CameraDesc {
+            position: Vec3::ZERO,
+            target: Vec3::NEG_Z,
+            up: Vec3::Y,
+            fov_deg: 45.0,
+            aperture: 0.0,
+            focus_distance: None,
+            optics: Optics::default(),
+        }
+    }
+}
+
 impl CameraDesc {
     /// The vertical field of view in degrees: `2 atan(h / 2f)` where there are a sensor of height `h` and a focal length
     /// `f`, else [`CameraDesc::fov_deg`].
@@ -75,15 +90,7 @@ mod tests {
     use super::*;
 
     fn camera(optics: Optics) -> CameraDesc {
-        CameraDesc {
-            position: Vec3::ZERO,
-            target: Vec3::Z,
-            up: Vec3::Y,
-            fov_deg: 60.0,
-            aperture: 0.25,
-            focus_distance: None,
-            optics,
-        }
+        CameraDesc { fov_deg: 60.0, aperture: 0.25, optics, ..CameraDesc::default() }
     }
 
     #[test]

@@ -46,12 +46,19 @@ fn lights(h: &mut Hasher, desc: &SceneDesc) {
     int(h, desc.lights.len() as u64);
     for light in &desc.lights {
         let (tag, place, color) = match light.kind {
+            LightKind::Spot { position, intensity, .. } => (2, position, intensity),
             LightKind::Point { position, intensity } => (0, position, intensity),
             LightKind::Directional { direction, irradiance } => (1, direction, irradiance),
         };
         int(h, tag);
         vec3(h, place);
         vec3(h, color);
+        if let LightKind::Spot { direction, cone, .. } = light.kind {
+            vec3(h, direction);
+            float(h, cone.beam_deg);
+            float(h, cone.cutoff_deg);
+            int(h, cone.edge as u64);
+        }
     }
     let Some(environment) = &desc.environment else { return int(h, 0) };
     match &environment.source {
@@ -180,7 +187,7 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Optics, Transform};
+    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Transform};
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -211,15 +218,7 @@ mod tests {
             views: Vec::new(),
             resolution: [4, 4],
             max_depth: 3,
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                up: Vec3::Y,
-                fov_deg: 45.0,
-                aperture: 0.0,
-                focus_distance: None,
-                optics: Optics::default(),
-            },
+            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() },
             materials: vec![MaterialDesc::new("m"), MaterialDesc::new("n")],
             entities: vec![
                 entity("a", ShapeDesc::Mesh(Arc::new(mesh()))),

@@ -25,6 +25,17 @@ pub enum LightKind {
         /// Radiant intensity: the irradiance on a surface that faces it is `intensity / distance^2`.
         intensity: Vec3,
     },
+    /// Shines from one point into a cone.
+    Spot {
+        /// Where it is, in scene units.
+        position: Vec3,
+        /// The axis of the cone; any length but zero.
+        direction: Vec3,
+        /// Radiant intensity along the axis.
+        intensity: Vec3,
+        /// How it falls off from there.
+        cone: ConeDesc,
+    },
     /// Shines in one direction from infinitely far away.
     Directional {
         /// The direction in which the light travels; any length but zero.
@@ -32,6 +43,38 @@ pub enum LightKind {
         /// Irradiance on a surface that faces it.
         irradiance: Vec3,
     },
+}
+
+/// The cone of a spot. Angles are from the axis, in degrees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConeDesc {
+    /// Up to here the intensity is that of the axis; at least 0, at most `cutoff_deg`.
+    pub beam_deg: f32,
+    /// From here on nothing shines; above 0, below 180.
+    pub cutoff_deg: f32,
+    /// How it falls off between the two.
+    pub edge: ConeEdge,
+}
+
+/// How the intensity of a spot falls off at the edge of its cone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConeEdge {
+    /// In proportion to the angle, as in Mitsuba.
+    Linear,
+    /// With the square of what is linear in the cosine, as in glTF.
+    Smooth,
+}
+
+/// The least and greatest cutoff of a spot in degrees.
+pub const CUTOFF_RANGE: [f64; 2] = [0.01, 179.0];
+
+impl ConeDesc {
+    /// Whether the angles are ones that a cone can have.
+    pub fn is_possible(&self) -> bool {
+        let [least, greatest] = CUTOFF_RANGE;
+        let cutoff = f64::from(self.cutoff_deg);
+        (least * 0.999..=greatest).contains(&cutoff) && self.beam_deg >= 0.0 && self.beam_deg <= self.cutoff_deg
+    }
 }
 
 /// Light that arrives from outside the scene.

@@ -15,7 +15,7 @@ use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 pub use camera::{CameraDesc, Optics};
 pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
-pub use light::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
+pub use light::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
 pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
 pub use model::{Distribution, MaskMode, Model};
 

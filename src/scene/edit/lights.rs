@@ -1,6 +1,7 @@
 //! Settings of lights without a surface and of the environment.
 
 use super::{COORDINATE, POINT, name_and_param, problem, scalar, vector};
+use crate::scene::desc::light::CUTOFF_RANGE;
 use crate::scene::desc::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, SceneDesc};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
@@ -26,9 +27,9 @@ pub const LIGHT_PARAMS: &[LightParam] = &[
     LightParam {
         name: "position",
         ty: POINT,
-        doc: "Place of a point light in scene units.",
+        doc: "Place of a point light or spot in scene units.",
         set_checked: |light, v| match light {
-            LightKind::Point { position, .. } => {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
                 *position = vector(v);
                 true
             }
@@ -38,9 +39,9 @@ pub const LIGHT_PARAMS: &[LightParam] = &[
     LightParam {
         name: "intensity",
         ty: COLOR,
-        doc: "Radiant intensity of a point light: irradiance times squared distance.",
+        doc: "Radiant intensity of a point light, or of a spot along its axis: irradiance times squared distance.",
         set_checked: |light, v| match light {
-            LightKind::Point { intensity, .. } => {
+            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => {
                 *intensity = vector(v);
                 true
             }
@@ -50,9 +51,9 @@ pub const LIGHT_PARAMS: &[LightParam] = &[
     LightParam {
         name: "direction",
         ty: DIRECTION,
-        doc: "Direction in which a directional light travels, of any length but zero.",
+        doc: "Direction in which a directional light travels, or axis of a spot, of any length but zero.",
         set_checked: |light, v| match light {
-            LightKind::Directional { direction, .. } => {
+            LightKind::Directional { direction, .. } | LightKind::Spot { direction, .. } => {
                 *direction = vector(v);
                 true
             }
@@ -68,7 +69,31 @@ pub const LIGHT_PARAMS: &[LightParam] = &[
                 *irradiance = vector(v);
                 true
             }
-            LightKind::Point { .. } => false,
+            LightKind::Point { .. } | LightKind::Spot { .. } => false,
+        },
+    },
+    LightParam {
+        name: "beam",
+        ty: Ty::Num { min: 0.0, max: CUTOFF_RANGE[1] },
+        doc: "Angle from the axis in degrees up to which a spot has its whole intensity, at most its cutoff.",
+        set_checked: |light, v| match light {
+            LightKind::Spot { cone, .. } => {
+                cone.beam_deg = scalar(v);
+                true
+            }
+            _ => false,
+        },
+    },
+    LightParam {
+        name: "cutoff",
+        ty: Ty::Num { min: CUTOFF_RANGE[0], max: CUTOFF_RANGE[1] },
+        doc: "Angle from the axis in degrees from which on a spot does not shine.",
+        set_checked: |light, v| match light {
+            LightKind::Spot { cone, .. } => {
+                cone.cutoff_deg = scalar(v);
+                true
+            }
+            _ => false,
         },
     },
 ];
@@ -110,11 +135,12 @@ pub const ENVIRONMENT_PARAMS: &[EnvironmentParam] = &[
 
 /// The settings that a light has.
 fn settings(light: &LightDesc) -> impl Iterator<Item = &'static str> {
-    let names: [&'static str; 2] = match light.kind {
-        LightKind::Point { .. } => ["position", "intensity"],
-        LightKind::Directional { .. } => ["direction", "irradiance"],
+    let names: &[&'static str] = match light.kind {
+        LightKind::Point { .. } => &["position", "intensity"],
+        LightKind::Directional { .. } => &["direction", "irradiance"],
+        LightKind::Spot { .. } => &["position", "direction", "intensity", "beam", "cutoff"],
     };
-    names.into_iter()
+    names.iter().copied()
 }
 
 /// Sets `lights.NAME.PARAM`; `rest` is what follows the first dot.
@@ -132,7 +158,11 @@ pub(super) fn set_light(desc: &mut SceneDesc, path: &str, rest: &str, value: &Va
         return Err(problem(path, param, "expected a direction, found one of length zero".to_owned()));
     }
     if !(row.set_checked)(&mut light.kind, value) {
-        let what = if matches!(light.kind, LightKind::Point { .. }) { "a point" } else { "a direction" };
+        let what = match light.kind {
+            LightKind::Point { .. } => "a point",
+            LightKind::Directional { .. } => "a direction",
+            LightKind::Spot { .. } => "a spot",
+        };
         let mut e = problem(path, param, format!("`{name}` is {what}, which has no `{param}`"));
         e.help = Some(format!("known: {}", settings(light).collect::<Vec<_>>().join(", ")));
         return Err(e);

@@ -13,15 +13,15 @@ mod xml;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::{DAffine3, DMat3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use self::mesh::Meshes;
 use self::surface::Surface;
 use self::texture::{Textures, Use};
 use self::xml::Xml;
 use super::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentSource, LightKind, MaterialDesc, MeshDesc, SceneDesc,
-    ShapeDesc, TextureSlot,
+    CameraDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, EnvironmentSource, LightKind, MaterialDesc, MeshDesc,
+    SceneDesc, ShapeDesc, TextureSlot,
 };
 use super::names::Names;
 use super::{Note, SceneError};
@@ -293,7 +293,7 @@ impl Writer<'_> {
         let id = self.ids.give(stem);
         self.xml.open("shape", &[("type", "instance"), ("id", &id)]);
         self.xml.leaf("ref", &[("id", &group)]);
-        self.xml.to_world(map);
+        self.xml.place(map);
         self.xml.close();
         Ok(())
     }
@@ -332,7 +332,7 @@ impl Writer<'_> {
             if !mesh.uvs.is_empty() {
                 self.xml.value("boolean", "flip_tex_coords", true);
             }
-            self.xml.to_world(map);
+            self.xml.place(map);
             self.surface(*row)?;
             self.xml.close();
         }
@@ -354,7 +354,7 @@ impl Writer<'_> {
         if material.is_some_and(|m| !m.textures.is_empty() || m.anisotropic > 0.0) {
             // There the poles lie on z, and longitude starts at x; here on y, and at -z.
             let turn = DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y);
-            self.xml.to_world(&DAffine3::from_mat3_translation(turn, center.as_dvec3()));
+            self.xml.place(&DAffine3::from_mat3_translation(turn, center.as_dvec3()));
         } else {
             self.xml.triple("point", "center", center);
         }
@@ -388,6 +388,20 @@ impl Writer<'_> {
                     xml.open("emitter", &[("type", "point"), ("id", &id)]);
                     xml.triple("point", "position", position);
                     xml.rgb("intensity", intensity);
+                }
+                LightKind::Spot { position, direction, intensity, cone } => {
+                    xml.open("emitter", &[("type", "spot"), ("id", &id)]);
+                    let axis = direction.normalize_or(Vec3::Z);
+                    let matrix =
+                        DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, axis.as_dvec3().normalize_or(DVec3::Z)));
+                    xml.place(&DAffine3::from_mat3_translation(matrix, position.as_dvec3()));
+                    xml.rgb("intensity", intensity);
+                    xml.value("float", "cutoff_angle", cone.cutoff_deg);
+                    xml.value("float", "beam_width", cone.beam_deg);
+                    if cone.edge == ConeEdge::Smooth {
+                        let place = format!("lights.{}", light.name);
+                        self.notes.push(whole(&place, "the edge of its cone falls off linearly with the angle"));
+                    }
                 }
                 LightKind::Directional { direction, irradiance } => {
                     xml.open("emitter", &[("type", "directional"), ("id", &id)]);

@@ -55,7 +55,7 @@ impl Xml {
     }
 
     /// A place; none where it changes nothing.
-    pub fn to_world(&mut self, map: &DAffine3) {
+    pub fn place(&mut self, map: &DAffine3) {
         if *map == DAffine3::IDENTITY {
             return;
         }

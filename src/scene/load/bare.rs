@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 
 use super::{DARK_MESH, scn};
 use crate::scene::Note;
-use crate::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform};
+use crate::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform};
 
 /// One mesh with its materials, seen by a camera that frames its bounds.
 pub(super) fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>, notes: &mut Vec<Note>) -> SceneDesc {
@@ -47,15 +47,7 @@ pub(super) fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
         Some([low, high]) => ((low + high) / 2.0, ((high - low).length() / 2.0).max(1e-6)),
     };
     let distance = 1.1 * radius / (fov_deg.to_radians() / 2.0).sin();
-    CameraDesc {
-        position: center + Vec3::Z * distance,
-        target: center,
-        up: Vec3::Y,
-        fov_deg,
-        aperture: 0.0,
-        focus_distance: None,
-        optics: Optics::default(),
-    }
+    CameraDesc { position: center + Vec3::Z * distance, target: center, fov_deg, ..CameraDesc::default() }
 }
 
 /// Smooth normals: at every vertex the mean of the normals of its triangles, weighted by their angles there [Thürmer &

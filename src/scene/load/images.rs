@@ -13,8 +13,16 @@ use crate::scene::{Note, SceneError};
 const MAX_TEXTURE_SIDE: u32 = 16_384;
 /// Greatest memory that decoding one texture may take, in bytes.
 const MAX_TEXTURE_BYTES: u64 = 1 << 30;
-/// Greatest number of pixels of an EXR texture: with four floats each they take [`MAX_TEXTURE_BYTES`].
-const MAX_EXR_PIXELS: usize = 1 << 26;
+/// How many times its file a decoded texture may be: twice what the best compression of these formats, that of PNG, makes
+/// of a picture of one colour.
+const MAX_GROWTH: u64 = 2048;
+/// What decoding may take whatever the file's size, in bytes.
+const SMALL_TEXTURE_BYTES: u64 = 16 << 20;
+
+/// Greatest memory that decoding a file of this size may take, in bytes.
+fn room(file_bytes: usize) -> u64 {
+    (file_bytes as u64).saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES).min(MAX_TEXTURE_BYTES)
+}
 
 /// Reads an image file. Its format is told from its first bytes, by its extension where they say nothing.
 ///
@@ -40,13 +48,15 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
         ),
     };
     if bytes.starts_with(&openexr::MAGIC) {
-        let (image, _) = openexr::decode(&bytes, MAX_EXR_PIXELS).map_err(malformed)?;
+        // Four floats for each pixel.
+        let (image, _) = openexr::decode(&bytes, (room(bytes.len()) / 16) as usize).map_err(malformed)?;
         if image.width.max(image.height) > MAX_TEXTURE_SIDE {
             return Err(malformed(format!("it has {}x{} pixels", image.width, image.height)));
         }
         let texels = image.data.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
         return Ok(texture(path, image.width, image.height, finite(texels).map_err(malformed)?));
     }
+    let room = room(bytes.len());
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(path, e))?;
     if reader.format().is_none()
         && let Ok(format) = image::ImageFormat::from_path(path)
@@ -56,7 +66,7 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MAX_TEXTURE_SIDE);
     limits.max_image_height = Some(MAX_TEXTURE_SIDE);
-    limits.max_alloc = Some(MAX_TEXTURE_BYTES);
+    limits.max_alloc = Some(room);
     reader.limits(limits);
     let image = reader.decode().map_err(|e| malformed(e.to_string()))?;
     let (width, height) = (image.width(), image.height());
@@ -171,6 +181,22 @@ mod tests {
         assert!(load(&path, &mut Vec::new()).unwrap_err().to_string().contains("a.exr"));
         exr::prelude::write_rgb_file(&path, 1, 1, |_, _| (f32::NAN, 0.0, 0.0)).unwrap();
         assert!(load(&path, &mut Vec::new()).unwrap_err().to_string().contains("not finite"));
+    }
+
+    #[test]
+    fn small_files_that_promise_large_pictures_are_refused_and_those_of_one_colour_are_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.bmp");
+        image::RgbImage::new(1, 1).save(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[18..26].copy_from_slice(&[0, 0x40, 0, 0, 0, 0x40, 0, 0]);
+        std::fs::write(&path, &bytes).unwrap();
+        let e = load(&path, &mut Vec::new()).unwrap_err().to_string();
+        assert!(e.contains("a.bmp") && e.to_lowercase().contains("limit"), "{e}");
+        let plain = dir.path().join("plain.png");
+        image::RgbImage::from_pixel(4096, 2048, image::Rgb([1, 2, 3])).save(&plain).unwrap();
+        assert!(std::fs::metadata(&plain).unwrap().len() < 200_000);
+        assert_eq!(load(&plain, &mut Vec::new()).unwrap().width, 4096);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! anything is read, and nothing is allocated that the size of a file does not justify.
 
 mod bare;
+mod folder;
 mod gltf;
 mod images;
 mod mitsuba;
@@ -58,6 +59,13 @@ pub const FORMATS: &[FormatRow] = &[
         load: gltf::load,
     },
     FormatRow {
+        name: "folder",
+        extensions: &["json"],
+        doc: "Scene folders of the second source: scene.json with Objects/, Textures/ and HDRI/.",
+        sniff: folder::sniff,
+        load: folder::load,
+    },
+    FormatRow {
         name: "scn",
         extensions: &["scn"],
         doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and spheres.",
@@ -108,6 +116,8 @@ pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
 /// # Errors
 /// As for [`load`], textures of materials left out where `missing` says so.
 pub fn load_with(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let inside = path.join(folder::SCENE_FILE);
+    let path = if is_folder(path) { inside.as_path() } else { path };
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if let Some(row) = FORMATS.iter().find(|row| row.extensions.contains(&extension.as_str())) {
         return (row.load)(path, missing);
@@ -126,6 +136,11 @@ pub fn load_with(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>)
                 .join(", "),
         }),
     }
+}
+
+/// Whether a path is a folder that is a scene.
+pub fn is_folder(path: &Path) -> bool {
+    path.is_dir() && path.join(folder::SCENE_FILE).is_file()
 }
 
 fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneError {
@@ -179,7 +194,7 @@ mod tests {
         let text = dir.path().join("text.txt");
         std::fs::write(&text, "hello").unwrap();
         let e = load(&text).unwrap_err().to_string();
-        assert!(e.contains(".scn, .obj, .ply, .xml"), "{e}");
+        assert!(e.contains(".json, .scn, .obj, .ply, .xml"), "{e}");
     }
 
     #[test]

@@ -29,8 +29,9 @@ use super::error::{Problem, ScriptError};
 use super::source::Place;
 use super::state::{Purpose, Shared};
 use super::{Limits, Read, locate, source};
-use crate::scene::desc::{CameraDesc, Optics, SceneDesc};
+use crate::scene::desc::{CameraDesc, SceneDesc};
 use crate::scene::load::{Missing, load_with};
+use crate::scene::names::Names;
 use crate::scene::{Note, SceneError};
 use crate::value::Value;
 use crate::value::schema::unknown_name;
@@ -61,21 +62,13 @@ pub struct SceneBuilder {
     known: BTreeMap<String, String>,
     /// Where materials were first asked for by name.
     wanted: BTreeMap<String, Place>,
-    names: part::Names,
+    names: Names,
     notes: Vec<Note>,
 }
 
 impl Default for SceneBuilder {
     fn default() -> SceneBuilder {
-        let camera = CameraDesc {
-            position: Vec3::Z,
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            fov_deg: 45.0,
-            aperture: 0.0,
-            focus_distance: None,
-            optics: Optics::default(),
-        };
+        let camera = CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() };
         SceneBuilder {
             desc: SceneDesc {
                 resolution: [1280, 720],
@@ -91,7 +84,7 @@ impl Default for SceneBuilder {
             camera: None,
             known: BTreeMap::new(),
             wanted: BTreeMap::new(),
-            names: part::Names::default(),
+            names: Names::default(),
             notes: Vec::new(),
         }
     }

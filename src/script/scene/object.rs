@@ -9,9 +9,10 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::shapes::ShapeObject;
 use super::{SceneBuilder, material, numbers, part, scene_error, texture};
+use crate::scene::desc::light::CUTOFF_RANGE;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc, MeshDesc, Optics,
-    ShapeDesc, mesh_hash,
+    CameraDesc, ConeDesc, ConeEdge, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
+    MeshDesc, Optics, ShapeDesc, mesh_hash,
 };
 use crate::scene::load;
 use crate::script::api::{self, ApiFn, Args, Param, kind};
@@ -24,25 +25,22 @@ use crate::value::schema::{Field, SchemaError, Table, Ty};
 const POINT: Ty = Ty::Nums { len: 3, min: -1e9, max: 1e9 };
 const LIGHT: Ty = Ty::Nums { len: 3, min: 0.0, max: 1e12 };
 
-const fn optional(key: &'static str, ty: Ty, default: &'static str, doc: &'static str) -> Field {
-    Field { key, ty, required: false, default, doc }
-}
-
-const fn required(key: &'static str, ty: Ty, doc: &'static str) -> Field {
-    Field { key, ty, required: true, default: "", doc }
-}
-
 const SCENE: Table = Table {
     name: "SceneOptions",
     doc: "What a scene says of itself; experiments may change both.",
     fields: &[
-        optional(
+        Field::optional(
             "resolution",
             Ty::Nums { len: 2, min: 1.0, max: 16_384.0 },
             "{ 1280, 720 }",
             "width and height in pixels",
         ),
-        optional("max_depth", Ty::Int { min: 1, max: 10_000 }, "8", "greatest number of path edges: 2 = direct light"),
+        Field::optional(
+            "max_depth",
+            Ty::Int { min: 1, max: 10_000 },
+            "8",
+            "greatest number of path edges: 2 = direct light",
+        ),
     ],
 };
 
@@ -50,27 +48,49 @@ const CAMERA: Table = Table {
     name: "SceneCamera",
     doc: "A camera. Lens and sensor may be said as photographers do, in scene units.",
     fields: &[
-        required("position", POINT, "centre of the lens"),
-        required("target", POINT, "a point on the optical axis"),
-        optional("up", POINT, "{ 0, 1, 0 }", "the direction that is up in the picture"),
-        optional("fov", Ty::Num { min: 0.01, max: 179.0 }, "45", "vertical field of view in degrees"),
-        optional("aperture", Ty::Num { min: 0.0, max: 1e9 }, "0", "diameter of the lens; 0 is a pinhole"),
-        optional("focus_distance", Ty::Num { min: 1e-9, max: 1e9 }, "that of target", "distance to the plane in focus"),
-        optional("f_number", Ty::Num { min: 1e-3, max: 1e6 }, "none", "focal length over the diameter of the lens"),
-        optional("focal_length", Ty::Num { min: 1e-9, max: 1e6 }, "none", "focal length"),
-        optional("sensor_height", Ty::Num { min: 1e-9, max: 1e6 }, "none", "height of the sensor"),
+        Field::required("position", POINT, "centre of the lens"),
+        Field::required("target", POINT, "a point on the optical axis"),
+        Field::optional("up", POINT, "{ 0, 1, 0 }", "the direction that is up in the picture"),
+        Field::optional("fov", Ty::Num { min: 0.01, max: 179.0 }, "45", "vertical field of view in degrees"),
+        Field::optional("aperture", Ty::Num { min: 0.0, max: 1e9 }, "0", "diameter of the lens; 0 is a pinhole"),
+        Field::optional(
+            "focus_distance",
+            Ty::Num { min: 1e-9, max: 1e9 },
+            "that of target",
+            "distance to the plane in focus",
+        ),
+        Field::optional(
+            "f_number",
+            Ty::Num { min: 1e-3, max: 1e6 },
+            "none",
+            "focal length over the diameter of the lens",
+        ),
+        Field::optional("focal_length", Ty::Num { min: 1e-9, max: 1e6 }, "none", "focal length"),
+        Field::optional("sensor_height", Ty::Num { min: 1e-9, max: 1e6 }, "none", "height of the sensor"),
     ],
 };
 
 const POINT_LIGHT: Table = Table {
     name: "SceneLight",
-    doc: "A light without a surface: a point with an intensity, or a direction with an irradiance.",
+    doc: "A light without a surface: a point with an intensity, a direction with an irradiance, or a spot, which is a point with a direction.",
     fields: &[
-        optional("name", Ty::Str, "light_1, ..", "the name by which sweeps reach it: lights.NAME.intensity"),
-        optional("position", POINT, "", "place of a point light"),
-        optional("intensity", LIGHT, "", "radiant intensity of a point light"),
-        optional("direction", POINT, "", "direction in which parallel light travels"),
-        optional("irradiance", LIGHT, "", "irradiance of parallel light on a surface that faces it"),
+        Field::optional("name", Ty::Str, "light_1, ..", "the name by which sweeps reach it: lights.NAME.intensity"),
+        Field::optional("position", POINT, "", "place of a point light or spot"),
+        Field::optional("intensity", LIGHT, "", "radiant intensity of a point light, or of a spot along its axis"),
+        Field::optional("direction", POINT, "", "direction in which parallel light travels, or axis of a spot"),
+        Field::optional("irradiance", LIGHT, "", "irradiance of parallel light on a surface that faces it"),
+        Field::optional(
+            "cutoff",
+            Ty::Num { min: CUTOFF_RANGE[0], max: CUTOFF_RANGE[1] },
+            "20",
+            "angle from the axis in degrees from which on a spot does not shine",
+        ),
+        Field::optional(
+            "beam",
+            Ty::Num { min: 0.0, max: CUTOFF_RANGE[1] },
+            "three quarters of cutoff",
+            "angle from the axis in degrees up to which a spot has its whole intensity; it falls off linearly from there",
+        ),
     ],
 };
 
@@ -78,20 +98,20 @@ const ENVIRONMENT: Table = Table {
     name: "SceneEnvironment",
     doc: "Light from all around: one colour or an equirectangular map.",
     fields: &[
-        optional("color", LIGHT, "", "the same radiance from everywhere"),
-        optional(
+        Field::optional("color", LIGHT, "", "the same radiance from everywhere"),
+        Field::optional(
             "map",
             Ty::Object("string|Texture"),
             "",
             "an equirectangular picture with +y on top and +z in the middle",
         ),
-        optional(
+        Field::optional(
             "rotation",
             Ty::Num { min: -1e6, max: 1e6 },
             "0",
             "turn about +y in degrees, counter-clockwise from above",
         ),
-        optional("scale", Ty::Num { min: 0.0, max: 1e12 }, "1", "factor on the radiance"),
+        Field::optional("scale", Ty::Num { min: 0.0, max: 1e12 }, "1", "factor on the radiance"),
     ],
 };
 
@@ -99,10 +119,10 @@ const IMPORT: Table = Table {
     name: "Import",
     doc: "How another scene file is taken in.",
     fields: &[
-        optional("prefix", Ty::Str, "none", "goes before the names of its materials and entities"),
-        optional("material", Ty::Str, "its own", "one material of this scene for all of it"),
-        optional("place", Ty::Object("Place"), "as it is", "where it stands"),
-        optional("lights", Ty::Bool, "false", "whether its lights and environment come too"),
+        Field::optional("prefix", Ty::Str, "none", "goes before the names of its materials and entities"),
+        Field::optional("material", Ty::Str, "its own", "one material of this scene for all of it"),
+        Field::optional("place", Ty::Object("Place"), "as it is", "where it stands"),
+        Field::optional("lights", Ty::Bool, "false", "whether its lights and environment come too"),
     ],
 };
 
@@ -340,7 +360,7 @@ fn add(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErro
             return Err(args.error(shared, format!("a shape{of} has no material"), help));
         };
         builder.wanted.entry(material.clone()).or_insert_with(|| args.place.clone());
-        let name = builder.names.unique(&leaf);
+        let name = part::name(&mut builder.names, &leaf);
         let shape = match leaf.shape {
             ShapeObject::Mesh(mesh) => ShapeDesc::Mesh(mesh),
             ShapeObject::Sphere(radius) => ShapeDesc::Sphere { radius },
@@ -376,11 +396,26 @@ fn light(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
     let table = args.table(shared, 0, "options")?;
     let fields = strict::fields(&table, &POINT_LIGHT, "light", false).map_err(|e| args.blame(shared, e))?;
     let vector = |key: &str| fields.values.get(key).map(|v| Vec3::from(numbers::<3>(v)));
+    let angle = |key: &str| fields.values.get(key).and_then(Value::as_f64).map(|x| x as f32);
+    let angles = (angle("cutoff"), angle("beam"));
     let kind = match (vector("position"), vector("intensity"), vector("direction"), vector("irradiance")) {
+        (Some(position), Some(intensity), Some(direction), None) => {
+            let cutoff_deg = angles.0.unwrap_or(20.0);
+            let cone = ConeDesc { beam_deg: angles.1.unwrap_or(0.75 * cutoff_deg), cutoff_deg, edge: ConeEdge::Linear };
+            if !cone.is_possible() {
+                return Err(args.error(shared, "the `beam` of a spot is at most its `cutoff`", None));
+            }
+            LightKind::Spot { position, direction, intensity, cone }
+        }
+        _ if angles != (None, None) => {
+            let problem = "`cutoff` and `beam` belong to a spot: expected `position`, `direction` and `intensity`";
+            return Err(args.error(shared, problem, None));
+        }
         (Some(position), Some(intensity), None, None) => LightKind::Point { position, intensity },
         (None, None, Some(direction), Some(irradiance)) => LightKind::Directional { direction, irradiance },
         _ => {
-            let problem = "expected `position` and `intensity`, or `direction` and `irradiance`";
+            let problem =
+                "expected `position` and `intensity` (and `direction` for a spot), or `direction` and `irradiance`";
             return Err(args.error(shared, problem, None));
         }
     };
@@ -463,7 +498,7 @@ fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
                 None
             }
         };
-        entity.name = builder.names.free(&format!("{prefix}{}", entity.name));
+        entity.name = builder.names.give(&format!("{prefix}{}", entity.name));
         builder.desc.entities.push(entity);
     }
     if fields.values.get("lights") == Some(&Value::Bool(true)) {

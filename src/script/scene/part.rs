@@ -1,6 +1,5 @@
 //! Parts: a shape or a group with a place and a material, and groups of them.
 
-use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use glam::{Affine3A, EulerRot, Quat, Vec3};
@@ -9,6 +8,7 @@ use mlua::{Lua, UserData, Value as LuaValue};
 use super::shapes::ShapeObject;
 use super::{numbers, object};
 use crate::scene::desc::Transform;
+use crate::scene::names::Names;
 use crate::script::api::{ApiFn, Args, Param, kind};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
@@ -202,36 +202,11 @@ impl Placement {
     }
 }
 
-/// Names that are taken, and how far the counters of names are.
-#[derive(Debug, Default)]
-pub struct Names {
-    taken: BTreeSet<String>,
-    counters: std::collections::BTreeMap<String, usize>,
-}
-
-impl Names {
-    /// A name for a leaf that nothing else has: what was said, or its material with a number.
-    pub fn unique(&mut self, leaf: &Leaf) -> String {
-        match leaf.names.as_slice() {
-            [] => self.numbered(leaf.material.as_deref().unwrap_or("part")),
-            names => self.free(&names.join("/")),
-        }
-    }
-
-    /// This name, with a number if it is taken.
-    pub fn free(&mut self, name: &str) -> String {
-        if self.taken.insert(name.to_owned()) { name.to_owned() } else { self.numbered(name) }
-    }
-
-    fn numbered(&mut self, base: &str) -> String {
-        let counter = self.counters.entry(base.to_owned()).or_insert(0);
-        loop {
-            *counter += 1;
-            let name = format!("{base}_{counter}");
-            if self.taken.insert(name.clone()) {
-                return name;
-            }
-        }
+/// A name for a leaf that nothing else has: what was said, or its material with a number.
+pub fn name(names: &mut Names, leaf: &Leaf) -> String {
+    match leaf.names.as_slice() {
+        [] => names.numbered(leaf.material.as_deref().unwrap_or("part"), 1),
+        said => names.give(&said.join("/")),
     }
 }
 

@@ -50,10 +50,6 @@ impl ShapeObject {
     }
 }
 
-const fn field(key: &'static str, ty: Ty, default: &'static str, doc: &'static str) -> Field {
-    Field { key, ty, required: default.is_empty(), default, doc }
-}
-
 /// The option tables, for the annotations.
 pub const TABLES: &[&Table] =
     &[&BOX, &SPHERE, &BALL, &GRID, &DISK, &HEIGHTFIELD, &LATHE, &CYLINDER, &TUBE, &TORUS, &EXTRUDE, &MESH];
@@ -62,81 +58,86 @@ const BOX: Table = Table {
     name: "BoxShape",
     doc: "A box about the origin.",
     fields: &[
-        field("size", NUMBERS_3, "", "lengths along x, y and z"),
-        field("bevel", Ty::Num { min: 0.0, max: 1e9 }, "0", "radius of its edges; above 0 they are round and smooth"),
-        field("segments", Ty::Int { min: 1, max: 256 }, "3", "steps of each round edge"),
+        Field::required("size", NUMBERS_3, "lengths along x, y and z"),
+        Field::optional(
+            "bevel",
+            Ty::Num { min: 0.0, max: 1e9 },
+            "0",
+            "radius of its edges; above 0 they are round and smooth",
+        ),
+        Field::optional("segments", Ty::Int { min: 1, max: 256 }, "3", "steps of each round edge"),
     ],
 };
 const SPHERE: Table = Table {
     name: "SphereShape",
     doc: "A true sphere about the origin.",
-    fields: &[field("radius", LENGTH, "", "its radius")],
+    fields: &[Field::required("radius", LENGTH, "its radius")],
 };
 const BALL: Table = Table {
     name: "BallShape",
     doc: "A ball of triangles about the origin, smooth.",
     fields: &[
-        field("radius", LENGTH, "", "its radius"),
-        field("splits", Ty::Int { min: 0, max: 9 }, "4", "how often the 20 triangles are split in four"),
+        Field::required("radius", LENGTH, "its radius"),
+        Field::optional("splits", Ty::Int { min: 0, max: 9 }, "4", "how often the 20 triangles are split in four"),
     ],
 };
 const GRID: Table = Table {
     name: "GridShape",
     doc: "A rectangle about the origin that faces +y.",
     fields: &[
-        field("size", NUMBERS_2, "", "lengths along x and z"),
-        field("cells", Ty::Nums { len: 2, min: 1.0, max: 65_536.0 }, "{ 1, 1 }", "quads along x and z"),
+        Field::required("size", NUMBERS_2, "lengths along x and z"),
+        Field::optional("cells", Ty::Nums { len: 2, min: 1.0, max: 65_536.0 }, "{ 1, 1 }", "quads along x and z"),
     ],
 };
 const DISK: Table = Table {
     name: "DiskShape",
     doc: "A disk about the origin that faces +y.",
-    fields: &[field("radius", LENGTH, "", "its radius"), field("segments", COUNT, "48", "corners")],
+    fields: &[Field::required("radius", LENGTH, "its radius"), Field::optional("segments", COUNT, "48", "corners")],
 };
 const HEIGHTFIELD: Table = Table {
     name: "HeightfieldShape",
     doc: "A rectangle about the origin that faces up, with heights, smooth.",
     fields: &[
-        field("size", NUMBERS_2, "", "lengths along x and z"),
-        field("cells", Ty::Nums { len: 2, min: 1.0, max: 4096.0 }, "", "quads along x and z"),
-        field("height", Ty::Object("fun(x: number, z: number): number"), "", "the height above each point"),
+        Field::required("size", NUMBERS_2, "lengths along x and z"),
+        Field::required("cells", Ty::Nums { len: 2, min: 1.0, max: 4096.0 }, "quads along x and z"),
+        Field::required("height", Ty::Object("fun(x: number, z: number): number"), "the height above each point"),
     ],
 };
 const LATHE: Table = Table {
     name: "LatheShape",
     doc: "What a profile makes when it is turned about the y axis; smooth where it bends by less than 40 degrees.",
     fields: &[
-        field("profile", Ty::List(&NUMBERS_2), "", "points { radius, y }; going up, the outside is on the right"),
-        field("segments", COUNT, "48", "corners of the circle"),
+        Field::required("profile", Ty::List(&NUMBERS_2), "points { radius, y }; going up, the outside is on the right"),
+        Field::optional("segments", COUNT, "48", "corners of the circle"),
     ],
 };
 const CYLINDER: Table = Table {
     name: "CylinderShape",
     doc: "A closed cylinder, or a cone, about the y axis, standing on y = 0.",
     fields: &[
-        field("radius", LENGTH, "", "its radius below"),
-        field("height", LENGTH, "", "its height"),
-        field("top", Ty::Num { min: 0.0, max: 1e9 }, "the radius", "its radius above"),
-        field("segments", COUNT, "48", "corners of the circle"),
+        Field::required("radius", LENGTH, "its radius below"),
+        Field::required("height", LENGTH, "its height"),
+        Field::optional("top", Ty::Num { min: 0.0, max: 1e9 }, "the radius", "its radius above"),
+        Field::optional("segments", COUNT, "48", "corners of the circle"),
     ],
 };
 const TUBE: Table = Table {
     name: "TubeShape",
     doc: "A round tube along a line of points, smooth, with flat ends.",
     fields: &[
-        field("points", Ty::List(&NUMBERS_3), "", "the line"),
-        field("radius", Ty::OneOrMany(&LENGTH), "", "its radius, or one for each point"),
-        field("segments", COUNT, "12", "corners of the circle"),
-        field("closed", Ty::Bool, "false", "whether the last point joins the first"),
+        Field::required("points", Ty::List(&NUMBERS_3), "the line"),
+        Field::required("radius", Ty::OneOrMany(&LENGTH), "its radius, or one for each point"),
+        Field::optional("segments", COUNT, "12", "corners of the circle"),
+        Field::optional("closed", Ty::Bool, "false", "whether the last point joins the first"),
     ],
 };
 const TORUS: Table = Table {
     name: "TorusShape",
     doc: "A ring about the y axis.",
     fields: &[
-        field("major", LENGTH, "", "radius of the ring"),
-        field("minor", LENGTH, "", "radius of its tube"),
-        field(
+        Field::required("major", LENGTH, "radius of the ring"),
+        Field::required("minor", LENGTH, "radius of its tube"),
+        Field::optional(
             "segments",
             Ty::Nums { len: 2, min: 3.0, max: 65_536.0 },
             "{ 48, 16 }",
@@ -148,23 +149,22 @@ const EXTRUDE: Table = Table {
     name: "ExtrudeShape",
     doc: "A flat-sided solid with an outline in the plane of x and y, about z = 0.",
     fields: &[
-        field("outline", Ty::List(&NUMBERS_2), "", "corners { x, y }; it closes by itself and may be concave"),
-        field("depth", LENGTH, "", "its length along z"),
+        Field::required("outline", Ty::List(&NUMBERS_2), "corners { x, y }; it closes by itself and may be concave"),
+        Field::required("depth", LENGTH, "its length along z"),
     ],
 };
 const MESH: Table = Table {
     name: "MeshShape",
     doc: "Triangles as they are given.",
     fields: &[
-        field("positions", Ty::List(&NUMBERS_3), "", "the vertices"),
-        field(
+        Field::required("positions", Ty::List(&NUMBERS_3), "the vertices"),
+        Field::required(
             "triangles",
             Ty::List(&Ty::Nums { len: 3, min: 1.0, max: 1e9 }),
-            "",
             "corners from 1, counter-clockwise from the front",
         ),
-        field("normals", Ty::List(&NUMBERS_3), "flat", "a direction for each vertex; made unit vectors"),
-        field("uvs", Ty::List(&NUMBERS_2), "none", "texture coordinates of each vertex"),
+        Field::optional("normals", Ty::List(&NUMBERS_3), "flat", "a direction for each vertex; made unit vectors"),
+        Field::optional("uvs", Ty::List(&NUMBERS_2), "none", "texture coordinates of each vertex"),
     ],
 };
 

@@ -12,7 +12,7 @@
 //! |---|---|---|
 //! | triangle | uniform over its area | uniform over its area, cosine about its normal |
 //! | sphere | uniform over the cone that it fills; nothing from inside | uniform over its area, cosine about its normal |
-//! | point | certain | `pdf_a` is the choice's probability, `pdf_w` is 1 / (4 pi) |
+//! | point | certain | `pdf_a` is the choice's probability, `pdf_w` is 1 / (4 pi), or uniform over the cone of a spot |
 //! | direction | certain | uniform over a disk that covers the scene, across the direction; `pdf_w` is 1 |
 //! | environment | its brightness times solid angle | the same, then uniform over a disk across the direction |
 //!
@@ -31,7 +31,7 @@
 //! | surface, at y | p(w) cos_y / d^2 per area of y | c [`Lights::pdf_direct_one_w`] cos_y / d^2 per area of y | c / area per area of y; then cos_y / pi per solid angle |
 //! | environment | p(w) per solid angle | c p_env(w) per solid angle | c p_env(w) per solid angle; then cos_x / (pi R^2) per area of x |
 //! | direction | never | c, a Dirac | c, a Dirac; then cos_x / (pi R^2) per area of x |
-//! | point | never | c, a Dirac | c, a Dirac; then 1 / (4 pi) per solid angle |
+//! | point | never | c, a Dirac | c, a Dirac; then 1 / (4 pi), or uniform over the cone, per solid angle |
 
 mod area;
 mod bounds;
@@ -348,7 +348,9 @@ impl Lights {
         let choice = self.pdf_choice(point.light);
         match point.light {
             LightId::Emitter(i) => self.pdf_emission(scene, i, point.normal.dot(dir)),
-            LightId::Point(_) => EmissionPdf { pdf_a: choice, pdf_w: point::PDF_W },
+            LightId::Point(i) => {
+                EmissionPdf { pdf_a: choice, pdf_w: point::pdf_w(&scene.points[i as usize].cone, dir) }
+            }
             LightId::Directional(i) => {
                 let own = directional::shines_into(&scene.directionals[i as usize], dir);
                 EmissionPdf { pdf_a: choice * self.ball.pdf_a(), pdf_w: if own { 1.0 } else { 0.0 } }
@@ -365,7 +367,10 @@ impl Lights {
         match point.light {
             LightId::Emitter(i) if point.normal.dot(dir) > 0.0 => area::emission(scene, i, point.uv),
             LightId::Emitter(_) => Vec3::ZERO,
-            LightId::Point(i) => scene.points[i as usize].intensity,
+            LightId::Point(i) => {
+                let light = &scene.points[i as usize];
+                light.intensity * point::falloff(&light.cone, dir)
+            }
             LightId::Directional(i) => {
                 let light = &scene.directionals[i as usize];
                 if directional::shines_into(light, dir) { light.irradiance } else { Vec3::ZERO }

@@ -76,7 +76,8 @@ pub(super) fn weights(
         (Select::Area, _) => without_area,
         (Select::Power, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
         (Select::Power, LightId::Point(i)) => {
-            4.0 * std::f64::consts::PI * luminance(scene.points[i as usize].intensity)
+            let light = &scene.points[i as usize];
+            4.0 * std::f64::consts::PI * light.cone.share() * luminance(light.intensity)
         }
         (Select::Power, LightId::Directional(i)) => disk * luminance(scene.directionals[i as usize].irradiance),
         (Select::Power, LightId::Environment) => disk * surroundings.map_or(0.0, Surroundings::power),

@@ -16,7 +16,7 @@ use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::render::OpenStats;
 use crate::scene::SceneDesc;
-use crate::scene::desc::{CameraDesc, Optics};
+use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::tui::model::Model;
 use crate::value::Value;
@@ -26,15 +26,7 @@ fn scene() -> SceneDesc {
         views: Vec::new(),
         resolution: [512, 512],
         max_depth: 5,
-        camera: CameraDesc {
-            position: Vec3::Z,
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            fov_deg: 40.0,
-            aperture: 0.0,
-            focus_distance: None,
-            optics: Optics::default(),
-        },
+        camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
         materials: Vec::new(),
         entities: Vec::new(),
         lights: Vec::new(),

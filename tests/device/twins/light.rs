@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{MaskMode, Material, Texture};
+use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::light::{LightId, LightPoint, Lights};
 
 use super::{Dice, SAME};
@@ -32,9 +33,15 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
         .sphere(Vec3::new(-1.0, -1.0, 0.0), 0.01, light(900.0))
         .point(Vec3::Y, Vec3::ONE)
         .point(Vec3::new(2.0, -1.0, 1.0), Vec3::new(0.0, 5.0, 1.0))
+        .spot(Vec3::new(0.5, 1.5, -0.5), Vec3::new(0.2, -1.0, 0.4), Vec3::ONE, cone(ConeEdge::Linear))
+        .spot(Vec3::new(-0.5, 1.0, 0.5), Vec3::new(-0.2, -1.0, 0.1), Vec3::ONE, cone(ConeEdge::Smooth))
         .directional(Vec3::new(0.3, -1.0, 0.2), Vec3::ONE)
         .environment(map.then_some(sky), Vec3::new(0.5, 0.6, 0.7), 30.0);
     (scene.build(), job([64, 36], 5, 7))
+}
+
+fn cone(edge: ConeEdge) -> ConeDesc {
+    ConeDesc { beam_deg: 25.0, cutoff_deg: 70.0, edge }
 }
 
 fn put_point(lights: &Lights, point: Option<LightPoint>, row: &mut Row) {

@@ -20,9 +20,10 @@ use self::document::{Document, GLB_MAGIC};
 use self::material::Materials;
 use super::{Missing, bare, scn};
 use crate::scene::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
-    MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    CameraDesc, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
+    LightKind, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
+use crate::scene::names::Names;
 use crate::scene::{Note, SceneError};
 
 /// How deep nodes may lie in one another.
@@ -51,7 +52,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
         lights: Vec::new(),
         camera: None,
         bounds: None,
-        names: BTreeSet::new(),
+        names: Names::default(),
         notes: Vec::new(),
     };
     builder.read_materials(missing, &mut notes)?;
@@ -86,7 +87,7 @@ struct Builder<'a> {
     lights: Vec<LightDesc>,
     camera: Option<CameraDesc>,
     bounds: Option<[Vec3; 2]>,
-    names: BTreeSet<String>,
+    names: Names,
     notes: Vec<Note>,
 }
 
@@ -98,14 +99,7 @@ impl Builder<'_> {
 
     /// A name of its own: the one that is given, or the stem and a number.
     fn name(&mut self, given: &Json, stem: &str) -> String {
-        let base = given.as_str().filter(|n| !n.is_empty()).unwrap_or(stem).to_owned();
-        let mut name = base.clone();
-        let mut number = 1;
-        while !self.names.insert(name.clone()) {
-            number += 1;
-            name = format!("{base}_{number}");
-        }
-        name
+        self.names.give(given.as_str().filter(|n| !n.is_empty()).unwrap_or(stem))
     }
 
     fn read_materials(&mut self, missing: Missing, notes: &mut Vec<Note>) -> Result<(), SceneError> {
@@ -308,8 +302,19 @@ impl Builder<'_> {
                 let direction = world.transform_vector3(DVec3::NEG_Z).normalize_or(DVec3::NEG_Z).as_vec3();
                 LightKind::Directional { direction, irradiance: color }
             }
+            Some("spot") => {
+                let angle =
+                    |key: &str, default: f64| light["spot"][key].as_f64().unwrap_or(default).to_degrees() as f32;
+                let cutoff_deg = angle("outerConeAngle", std::f64::consts::FRAC_PI_4);
+                let cone = ConeDesc { beam_deg: angle("innerConeAngle", 0.0), cutoff_deg, edge: ConeEdge::Smooth };
+                if !cone.is_possible() {
+                    return Err(self.document.error(place, "the angles of its spot are no cone"));
+                }
+                let direction = world.transform_vector3(DVec3::NEG_Z).normalize_or(DVec3::NEG_Z).as_vec3();
+                LightKind::Spot { position: world.translation.as_vec3(), direction, intensity: color, cone }
+            }
             _ => {
-                self.note(place, "spots are not possible: the light is left out");
+                self.note(place, "a light of an unknown type is left out");
                 return Ok(());
             }
         };

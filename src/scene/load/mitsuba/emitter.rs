@@ -1,4 +1,4 @@
-//! Lights: `area` on shapes, `constant`, `envmap`, `point` and `directional`.
+//! Lights: `area` on shapes, `constant`, `envmap`, `point`, `spot` and `directional`.
 
 use std::rc::Rc;
 
@@ -7,7 +7,9 @@ use glam::{DAffine3, DVec3, Vec3};
 use super::texture::Textures;
 use super::texture_of;
 use super::tree::Object;
-use crate::scene::desc::{EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureSlot};
+use crate::scene::desc::{
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureSlot,
+};
 use crate::scene::{Note, SceneError};
 
 /// A light without a shape.
@@ -85,6 +87,21 @@ pub(super) fn read(
                 None => o.map("to_world")?.translation.as_vec3(),
             };
             Ok(Some(Light::Unbound(LightKind::Point { position: at, intensity: light(o, "intensity")? })))
+        }
+        "spot" => {
+            let map = o.map("to_world")?;
+            let cutoff = o.number("cutoff_angle", 20.0)?;
+            let beam = o.number("beam_width", 0.75 * cutoff)?;
+            let cone = ConeDesc { beam_deg: beam as f32, cutoff_deg: cutoff as f32, edge: ConeEdge::Linear };
+            let direction = map.transform_vector3(DVec3::Z).as_vec3();
+            if !cone.is_possible() || direction.try_normalize().is_none() {
+                return Err(o.error(format!("a beam of {beam} and a cutoff of {cutoff} degrees are no cone")));
+            }
+            if let Some(t) = texture_of(o.item("texture")) {
+                notes.push(t.note("spots have no texture here: ignored"));
+            }
+            let (position, intensity) = (map.translation.as_vec3(), light(o, "intensity")?);
+            Ok(Some(Light::Unbound(LightKind::Spot { position, direction, intensity, cone })))
         }
         "directional" => {
             let direction = match o.vector("direction")? {

@@ -3,24 +3,24 @@
 use glam::Vec3;
 use serde_json::Value as Json;
 
-use super::Names;
 use super::material::Textures;
 use super::reader::{Object, Report, numbers, shorten};
 use crate::scene::SceneError;
-use crate::scene::desc::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
+use crate::scene::desc::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
+use crate::scene::names::Names;
 use crate::value::suggest;
 
-const LIGHT_TYPES: [&str; 2] = ["point", "directional"];
+const LIGHT_TYPES: [&str; 3] = ["point", "directional", "spot"];
 
 /// Reads one entry of `lights`.
 pub(super) fn read(place: &str, json: &Json, names: &mut Names, report: &mut Report) -> Result<LightDesc, SceneError> {
     let mut object = Object::new(place, json, report)?;
     let Some((at, what)) = object.string("type", report)? else {
-        return Err(report.error(place, "a light needs a `type`: point or directional"));
+        return Err(report.error(place, "a light needs a `type`: point, directional or spot"));
     };
     let given = object.string("name", report)?.map(|(_, name)| name.to_owned());
     let [place_key, color_key] = match what {
-        "point" => ["position", "intensity"],
+        "point" | "spot" => ["position", "intensity"],
         "directional" => ["direction", "irradiance"],
         other => {
             let help = match suggest::nearest(other, LIGHT_TYPES) {
@@ -35,13 +35,24 @@ pub(super) fn read(place: &str, json: &Json, names: &mut Names, report: &mut Rep
     let color = color(color_key, &mut object, report)?.ok_or_else(|| missing(color_key, report))?;
     let kind = match what {
         "point" => LightKind::Point { position: at_or_along, intensity: color },
+        "spot" => {
+            let direction = object.vec3("direction", report)?.ok_or_else(|| missing("direction", report))?;
+            let cutoff_deg = object.number("cutoff", report)?.map_or(20.0, |(_, x)| x as f32);
+            let beam_deg = object.number("beam", report)?.map_or(0.75 * cutoff_deg, |(_, x)| x as f32);
+            let cone = ConeDesc { beam_deg, cutoff_deg, edge: ConeEdge::Linear };
+            if direction == Vec3::ZERO || !cone.is_possible() {
+                let problem = "a spot needs a `direction`, a `cutoff` below 180 degrees and a `beam` of at most that";
+                return Err(report.error(place, problem));
+            }
+            LightKind::Spot { position: at_or_along, direction, intensity: color, cone }
+        }
         _ if at_or_along == Vec3::ZERO => {
             return Err(report.error(object.at(place_key), "a direction needs a length above zero"));
         }
         _ => LightKind::Directional { direction: at_or_along, irradiance: color },
     };
-    object.note_unknown(["type", "name", place_key, color_key], report);
-    Ok(LightDesc { name: names.give(given.as_deref(), what, place, report), kind })
+    object.note_unknown(["type", "name", place_key, color_key, "direction", "cutoff", "beam"], report);
+    Ok(LightDesc { name: super::name(names, given.as_deref(), what, place, report), kind })
 }
 
 /// Reads `environment`.

@@ -22,7 +22,7 @@
 
 mod light;
 mod material;
-mod reader;
+pub(super) mod reader;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -39,6 +39,7 @@ use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, Optics, SceneDesc,
     ShapeDesc, Transform,
 };
+use crate::scene::names::Names;
 use crate::scene::{Note, SceneError};
 use crate::value::suggest;
 
@@ -210,29 +211,13 @@ fn camera(place: &str, json: &Json, report: &mut Report) -> Result<CameraDesc, S
     Ok(camera)
 }
 
-/// Names that are taken.
-#[derive(Default)]
-struct Names {
-    taken: BTreeSet<String>,
-    /// How often each stem has been numbered, so that naming stays fast.
-    numbered: BTreeMap<String, usize>,
-}
-
-impl Names {
-    /// The given name, or the stem where none is given; with the first free number from 2 on where it is taken.
-    fn give(&mut self, given: Option<&str>, stem: &str, place: &str, report: &mut Report) -> String {
-        let stem = given.unwrap_or(stem);
-        let mut name = stem.to_owned();
-        let number = self.numbered.entry(stem.to_owned()).or_insert(1);
-        while !self.taken.insert(name.clone()) {
-            *number += 1;
-            name = format!("{stem}_{number}");
-        }
-        if given.is_some_and(|g| g != name) {
-            report.note(format!("{place}.name"), format!("taken: it is called `{}`", shorten(&name)));
-        }
-        name
+/// The given name, or the stem where none is given, with a number where it is taken, which is a note.
+fn name(names: &mut Names, given: Option<&str>, stem: &str, place: &str, report: &mut Report) -> String {
+    let name = names.give(given.unwrap_or(stem));
+    if given.is_some_and(|g| g != name) {
+        report.note(format!("{place}.name"), format!("taken: it is called `{}`", shorten(&name)));
     }
+    name
 }
 
 /// The entities read so far, and the meshes that they share.
@@ -310,7 +295,7 @@ impl Entities {
             }
         }
         object.note_unknown(ENTITY_KEYS.iter().copied(), report);
-        let name = self.names.give(given.as_deref(), &stem, place, report);
+        let name = name(&mut self.names, given.as_deref(), &stem, place, report);
         self.list.push(EntityDesc { name, ..entity });
         Ok(())
     }

@@ -12,8 +12,8 @@ use crate::scene::{Note, SceneError};
 use crate::value::suggest;
 
 /// Where errors and notes of one file go.
-pub(super) struct Report {
-    /// The `.scn` file.
+pub(in crate::scene::load) struct Report {
+    /// The file that is read.
     pub file: PathBuf,
     /// What becomes of textures that cannot be read.
     pub missing: Missing,
@@ -52,7 +52,7 @@ impl Report {
 }
 
 /// One JSON object being read.
-pub(super) struct Object<'a> {
+pub(in crate::scene::load) struct Object<'a> {
     /// The key path of the object, empty for the whole document.
     path: String,
     /// Lower-case key, key as written, value, whether it has been asked for.
@@ -145,7 +145,7 @@ impl<'a> Object<'a> {
 }
 
 /// A finite number.
-pub(super) fn number(path: &str, json: &Json, report: &Report) -> Result<f64, SceneError> {
+pub(in crate::scene::load) fn number(path: &str, json: &Json, report: &Report) -> Result<f64, SceneError> {
     match json.as_f64() {
         Some(x) if x.is_finite() => Ok(x),
         _ => Err(report.error(path, format!("expected a number, found {}", kind(json)))),
@@ -153,7 +153,11 @@ pub(super) fn number(path: &str, json: &Json, report: &Report) -> Result<f64, Sc
 }
 
 /// A list of exactly `N` finite numbers.
-pub(super) fn numbers<const N: usize>(path: &str, json: &Json, report: &Report) -> Result<[f64; N], SceneError> {
+pub(in crate::scene::load) fn numbers<const N: usize>(
+    path: &str,
+    json: &Json,
+    report: &Report,
+) -> Result<[f64; N], SceneError> {
     let Json::Array(items) = json else {
         return Err(report.error(path, format!("expected {N} numbers, found {}", kind(json))));
     };
@@ -168,7 +172,7 @@ pub(super) fn numbers<const N: usize>(path: &str, json: &Json, report: &Report) 
 }
 
 /// What a JSON value is, with its beginning, for messages.
-pub(super) fn kind(json: &Json) -> String {
+pub(in crate::scene::load) fn kind(json: &Json) -> String {
     match json {
         Json::Null => "null".to_owned(),
         Json::Bool(b) => format!("the boolean {b}"),
@@ -180,7 +184,7 @@ pub(super) fn kind(json: &Json) -> String {
 }
 
 /// The beginning of a text that may be of any length.
-pub(super) fn shorten(text: &str) -> String {
+pub(in crate::scene::load) fn shorten(text: &str) -> String {
     const SHOWN: usize = 60;
     match text.char_indices().nth(SHOWN) {
         Some((end, _)) => format!("{}...", &text[..end]),
