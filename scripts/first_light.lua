@@ -54,8 +54,8 @@ x:measure {
 }
 
 -- A cell is finished when every pixel has 128 samples, or after ten seconds, whichever comes first. Only the time
--- inside the renderer counts. Other rules: stop.when("ssim", ">", 0.95, { hold = 3 }), stop.waves(n), stop.nan(n),
--- stop.predicate(function(row, history) .. end), and stop.all and stop.not_ to combine them.
+-- inside the renderer counts. Other rules: stop.when("ssim", ">", 0.95, { hold = 3 }), stop.plateau("rmse"),
+-- stop.waves(n), stop.nan(n), stop.predicate(function(row, history) .. end), and stop.all and stop.not_ to combine them.
 x:stop(stop.any { stop.samples(128), stop.time("10s") })
 
 -- How the error falls: one curve for each filter radius, one picture for each depth. On logarithmic axes the error

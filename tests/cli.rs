@@ -26,6 +26,8 @@ mod reproduce;
 mod signals;
 #[path = "cli/survive.rs"]
 mod survive;
+#[path = "cli/trace.rs"]
+mod trace;
 #[path = "cli/verify.rs"]
 mod verify;
 #[path = "cli/workplace.rs"]

@@ -1,6 +1,6 @@
 //! Nights of many workers: frozen plans, processes with skewed clocks on one folder, and a real Slurm where there is one.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
 
 mod common;
 

@@ -8,10 +8,13 @@
 mod common;
 
 mod device {
+    mod corners;
     mod faults;
     pub mod harness;
     mod images;
     mod night;
     mod parity;
+    mod paths;
     mod twins;
+    mod worker;
 }

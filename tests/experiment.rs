@@ -15,6 +15,8 @@ mod identity;
 mod intervention;
 #[path = "experiment/listeners.rs"]
 mod listeners;
+#[path = "experiment/lost.rs"]
+mod lost;
 #[path = "experiment/night.rs"]
 mod night;
 #[path = "experiment/references.rs"]

@@ -22,20 +22,25 @@ uint film_invalid;
 uint film_rays;
 
 #include "film/layers.glsl"
+#include "film/paths.glsl"
 
 bool trace_closest(Ray ray, float t_max, out Hit hit) {
     bool found = seam_closest(ray, t_max, hit);
     layers_trace(film_rays == 0u, ray, found, hit);
     film_rays++;
+    paths_closest(ray, t_max, found, hit);
     return found;
 }
 
 bool trace_occluded(Ray ray, float t_max) {
     film_rays++;
-    return seam_occluded(ray, t_max);
+    bool blocked = seam_occluded(ray, t_max);
+    paths_shadow(ray, t_max, blocked);
+    return blocked;
 }
 
 void sink(Contribution c) {
+    paths_light(c);
     if (c.t != 1u && c.pixel == film_pixel) {
         film_value += c.value;
         film_invalid += layers_own(c);
@@ -55,6 +60,7 @@ void film_begin() {
     film_value = vec3(0.0);
     film_invalid = 0u;
     film_rays = 0u;
+    paths_begin();
 }
 
 // Ends a sample and adds it to the sums of its pixel.

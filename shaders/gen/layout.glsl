@@ -3,6 +3,11 @@
 const uint NONE = 4294967295u;
 const uint MODEL_DISNEY = 0u;
 const uint MODEL_LAMBERT = 1u;
+const uint MODEL_CONDUCTOR = 2u;
+const uint MODEL_PLASTIC = 3u;
+const uint MODEL_DIELECTRIC = 4u;
+const uint DISTRIBUTION_GGX = 0u;
+const uint DISTRIBUTION_BECKMANN = 1u;
 const uint MASK_THRESHOLD = 0u;
 const uint MASK_BLEND = 1u;
 const uint FILTER_BOX = 0u;
@@ -15,6 +20,10 @@ const uint MIS_BALANCE = 1u;
 const uint MIS_UNIFORM = 2u;
 const uint SAMPLER_INDEPENDENT = 0u;
 const uint SAMPLER_SOBOL = 1u;
+const uint STEP_CLOSEST = 1u;
+const uint STEP_SHADOW = 2u;
+const uint STEP_LIGHT = 3u;
+const uint MOST_STEPS = 256u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {
@@ -54,7 +63,7 @@ struct Sphere {
 struct Material {
     vec3 base_color; // Base colour, linear.
     vec3 emission; // Emitted radiance of the front side.
-    uint model; // MODEL_DISNEY or MODEL_LAMBERT.
+    uint model; // MODEL_DISNEY and so on.
     float roughness; // Perceptual roughness.
     float metallic; // 0 dielectric to 1 metal.
     float opacity; // 1 opaque to 0 refractive.
@@ -83,6 +92,13 @@ struct Material {
     float tiling_scale; // Factor from texture coordinates to places in the textures.
     vec2 tiling_offset; // Offset of the same, in repeats.
     uint emitter_reflects; // 1 where the surface of a light also reflects, else 0.
+    vec3 specular; // Factor on what an interface reflects.
+    vec3 eta; // Real part of a metal's index by channel.
+    vec3 k; // Imaginary part of a metal's index by channel.
+    uint distribution; // DISTRIBUTION_GGX or DISTRIBUTION_BECKMANN.
+    uint thin; // 1 where a dielectric is a thin pane, else 0.
+    uint nonlinear; // 1 where light that plastic reflects back inside takes on its colour each time, else 0.
+    float internal_reflectance; // Part of diffuse light that is reflected back at the inside of plastic.
 };
 
 // A texture: texels `[y][x]` from `texels[first]`, linear, origin top-left.
@@ -188,6 +204,22 @@ struct Invalid {
 struct Counters {
     uint rays; // Rays, modulo 2^32.
     uint invalid; // Samples and splats that were refused.
+};
+
+// A step of a sample, as `render::paths::Step`.
+struct PathStep {
+    uint kind; // STEP_CLOSEST, STEP_SHADOW or STEP_LIGHT; 0 where there is none.
+    uint met; // The primitive that was met, or NONE; of a shadow ray 1 if it was blocked, else 0.
+    vec3 origin; // Where the ray starts.
+    vec3 dir; // Where it goes.
+    float t_max; // How far it is followed.
+    float t; // How far it came.
+    vec2 uv; // Barycentric weights of what it met.
+    uvec2 pixel; // Column and row that light is for.
+    vec3 value; // The light.
+    vec3 unweighted; // The same without its weight.
+    uint light_vertices; // Vertices found from the light.
+    uint camera_vertices; // Vertices found from the camera.
 };
 
 // Which samples a dispatch adds, as push constants.

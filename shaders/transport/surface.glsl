@@ -196,7 +196,7 @@ void surface_orient(inout Surface s, Hit hit) {
 
 // Whether shading a material needs tangents.
 bool uses_tangents(uint material) {
-    bool stretched = materials[material].model == MODEL_DISNEY && materials[material].anisotropic > 0.0;
+    bool stretched = materials[material].model != MODEL_LAMBERT && materials[material].anisotropic > 0.0;
     return stretched || materials[material].normal_texture != NONE;
 }
 

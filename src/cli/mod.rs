@@ -28,10 +28,12 @@ mod signals;
 mod space;
 mod status;
 mod text;
+mod trace;
 mod until;
 pub mod verify;
 mod view;
 mod watch;
+mod worker;
 
 use std::process::ExitCode;
 
@@ -61,7 +63,11 @@ pub fn main() -> ExitCode {
 
 fn verb(cli: &Cli) -> Result<Exit, Failure> {
     let global = &cli.global;
+    if let Verb::Worker = cli.verb {
+        return worker::main();
+    }
     let log = log::Log::install(global.quiet);
+    worker::employ();
     match &cli.verb {
         Verb::Run(args) => run::main(args, global, &log),
         Verb::Retry(args) => run::retry(args, global, &log),
@@ -85,8 +91,10 @@ fn verb(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Reproduce(args) => reproduce::main(args, global),
         Verb::View(args) => view::main(args, global),
         Verb::Report(args) => report::main(args, global),
+        Verb::Trace(args) => trace::main(args, global),
         Verb::Completions { shell } => docs::completions(*shell),
         Verb::Man => docs::man(),
+        Verb::Worker => worker::main(),
     }
 }
 

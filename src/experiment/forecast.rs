@@ -240,9 +240,11 @@ mod tests {
             filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
             films: Vec::new(),
             timing: None,
+            accel: Default::default(),
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "cpu".to_owned(),
+            fallback: None,
         }
     }
 

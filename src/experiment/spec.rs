@@ -286,6 +286,8 @@ pub struct CellConfig {
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.
     pub backend: String,
+    /// The backend that renders it where that one fails: there is one if the script has left the choice to the program.
+    pub fallback: Option<&'static str>,
 }
 
 /// What a cell is measured against.

@@ -61,15 +61,24 @@ impl<'a> Saved<'a> {
         Ok(u64::from_ne_bytes(*word))
     }
 
+    /// The next so many bytes.
+    ///
+    /// # Errors
+    /// When fewer are left.
+    pub fn bytes(&mut self, length: u64) -> Result<&'a [u8], Misfit> {
+        let length = usize::try_from(length).map_err(|_| Misfit)?;
+        let (bytes, rest) = self.bytes.split_at_checked(length).ok_or(Misfit)?;
+        self.bytes = rest;
+        Ok(bytes)
+    }
+
     /// Fills `sums` with the next ones.
     ///
     /// # Errors
     /// When fewer are left.
     pub fn sums(&mut self, sums: &mut [[f64; 3]]) -> Result<(), Misfit> {
         let target: &mut [u8] = bytemuck::cast_slice_mut(sums);
-        let (bytes, rest) = self.bytes.split_at_checked(target.len()).ok_or(Misfit)?;
-        target.copy_from_slice(bytes);
-        self.bytes = rest;
+        target.copy_from_slice(self.bytes(target.len() as u64)?);
         Ok(())
     }
 

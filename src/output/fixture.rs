@@ -93,6 +93,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),
+            fallback: None,
         }),
         scene: Arc::new(SceneDesc {
             views: Vec::new(),
@@ -134,7 +135,7 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
             accel_nodes: 100,
             accel_bytes: 3 << 20,
             accel_cost: 12.5,
-            device: String::new(),
+            ..OpenStats::default()
         },
     }
 }

@@ -25,7 +25,12 @@ impl Halves {
     /// Joins two runs that have equally many samples, or of which the first has one more.
     pub fn new(parts: [Box<dyn Renderer>; 2]) -> Halves {
         let [first, second] = [0, 1].map(|i: usize| parts[i].open_stats());
-        let open_stats = OpenStats { accel_build_s: first.accel_build_s + second.accel_build_s, ..first.clone() };
+        let open_stats = OpenStats {
+            upload_s: first.upload_s + second.upload_s,
+            pipeline_s: first.pipeline_s + second.pipeline_s,
+            accel_build_s: first.accel_build_s + second.accel_build_s,
+            ..first.clone()
+        };
         let joint = Film::pooled(parts[0].film(), parts[1].film());
         Halves { parts, joint, open_stats }
     }
@@ -64,9 +69,9 @@ impl Renderer for Halves {
         self.parts[0].layers()
     }
 
-    fn layer(&self, index: usize) -> Option<Film> {
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
         let [first, second] = [0, 1].map(|i: usize| self.parts[i].layer(index));
-        Some(Film::pooled(&first?, &second?))
+        Ok(Film::pooled(&first?, &second?))
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {

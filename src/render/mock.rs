@@ -32,7 +32,8 @@ pub const ROW: BackendRow = BackendRow {
     layers: false,
     times: false,
     models: &Model::ALL,
-    refuses: |_| None,
+    refuses: |_, _| None,
+    edited: || Ok(None),
     accel: true,
     open: |scene, job| {
         if job.timing.is_some() {
@@ -43,6 +44,7 @@ pub const ROW: BackendRow = BackendRow {
         }
         Ok(Box::new(MockRenderer::new(scene, job)))
     },
+    paths: |_, _, _| Err(RenderError::Unsupported { backend: "mock", reason: "it traces no paths".into() }),
 };
 
 /// A run of the mock backend.

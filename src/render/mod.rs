@@ -8,14 +8,17 @@ pub mod cpu;
 pub mod halves;
 pub mod hierarchy;
 pub mod mock;
+pub mod paths;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
+pub mod worker;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
 use self::hierarchy::AccelSpec;
+use self::paths::{SampleAt, Step};
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
 use crate::film::time::TimeCube;
@@ -93,6 +96,10 @@ impl WaveStats {
 /// What a renderer did before its first wave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenStats {
+    /// Seconds spent copying scene and job to a device; 0 without one.
+    pub upload_s: f64,
+    /// Seconds spent compiling shaders and making pipelines; 0 without any.
+    pub pipeline_s: f64,
     /// Seconds spent building acceleration structures.
     pub accel_build_s: f64,
     /// Their number of nodes.
@@ -115,6 +122,15 @@ pub enum RenderError {
         /// The backend.
         backend: &'static str,
         /// What is missing.
+        reason: String,
+    },
+    /// The device or the process that rendered is gone, and with it all that was not saved. Another try, from the newest
+    /// checkpoint, may succeed.
+    #[error("backend `{backend}` is lost: {reason}")]
+    Lost {
+        /// The backend.
+        backend: &'static str,
+        /// What happened.
         reason: String,
     },
     /// Something went wrong while rendering; the cell is lost, the night is not.
@@ -149,9 +165,12 @@ pub trait Renderer: Send {
         &[]
     }
 
-    /// The sums so far of film `index` of [`Renderer::layers`]; `None` if there is no such film.
-    fn layer(&self, _index: usize) -> Option<Film> {
-        None
+    /// The sums so far of film `index` of [`Renderer::layers`].
+    ///
+    /// # Errors
+    /// When there is no such film, or the backend fails.
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        Err(RenderError::Failed { backend: "this", reason: format!("it has no film {index} of layers") })
     }
 
     /// The light of every pixel by its time, if the job has a time axis.
@@ -184,6 +203,9 @@ pub trait Renderer: Send {
 /// Starts a run of a job on a scene.
 pub type OpenFn = fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
 
+/// The steps of each of some samples of a job.
+pub type PathsFn = fn(&Arc<CompiledScene>, &Job, &[SampleAt]) -> Result<Vec<Vec<Step>>, RenderError>;
+
 /// One row of [`BACKENDS`].
 pub struct BackendRow {
     /// The name in scripts and on the command line.
@@ -199,14 +221,19 @@ pub struct BackendRow {
     pub times: bool,
     /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
     pub models: &'static [Model],
-    /// Why it cannot carry out an integrator, if it cannot: a plan that asks for it is refused with these words. Must not
-    /// touch a device.
-    pub refuses: fn(&IntegratorRow) -> Option<String>,
+    /// Why it cannot carry out an integrator with paths of so many edges, if it cannot: a plan that asks for it is refused
+    /// with these words. Must not touch a device.
+    pub refuses: fn(&IntegratorRow, u32) -> Option<String>,
+    /// A hash of what of it is not as it was built, if anything: part of the identity of runs. The error says what is wrong
+    /// with it.
+    pub edited: fn() -> Result<Option<String>, String>,
     /// Whether it builds its hierarchy as a run's `accel` says. If not, a plan that asks it for anything but the default is
     /// refused.
     pub accel: bool,
     /// Starts a run.
     pub open: OpenFn,
+    /// Says what single samples of a job do, in this process; layers are left out.
+    pub paths: PathsFn,
 }
 
 /// Every backend there is.
@@ -220,6 +247,17 @@ pub const BACKENDS: &[BackendRow] = &[
     vulkan::COMPUTE,
     mock::ROW,
 ];
+
+/// Opens a run of the backend with this name.
+///
+/// # Errors
+/// When there is none, or it cannot render this.
+pub fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    match backend(name) {
+        Some(row) => (row.open)(scene, job),
+        None => Err(RenderError::Unsupported { backend: "none", reason: format!("there is no backend `{name}`") }),
+    }
+}
 
 /// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
 /// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.

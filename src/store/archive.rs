@@ -239,6 +239,7 @@ pub(super) fn open_stats(json: &Json) -> OpenStats {
         accel_nodes: json["accel_nodes"].as_u64().unwrap_or(0),
         accel_bytes: json["accel_bytes"].as_u64().unwrap_or(0),
         accel_cost: json["accel_cost"].as_f64().unwrap_or(0.0),
+        ..OpenStats::default()
     }
 }
 

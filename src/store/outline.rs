@@ -98,5 +98,6 @@ pub(super) fn config(json: &Json) -> Option<CellConfig> {
         accel: AccelSpec::from_map(&values(&json["accel"])),
         set: values(&json["set"]),
         backend: text(&json["backend"]),
+        fallback: None,
     })
 }

@@ -44,6 +44,7 @@ fn config() -> Arc<CellConfig> {
         sampler: "independent".to_owned(),
         set: Default::default(),
         backend: "mock".into(),
+        fallback: None,
     })
 }
 

@@ -47,7 +47,7 @@ fn a_job_is_submitted_watched_and_taken_back() {
     let home = home(&place, "out");
     assert!(place.read("calls").contains("sbatch --parsable --account=light"), "{}", place.read("calls"));
     let script = place.read(&format!("{home}/job/slurm.sh"));
-    assert!(script.contains(&format!("{home}'")) && script.contains("--gres") == false, "{script}");
+    assert!(script.contains(&format!("{home}'")) && !script.contains("--gres"), "{script}");
     let (status, _) = run(&["status", &home]);
     let words = status.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(words.contains("1207_0 RUNNING n1") && words.contains("1207_1 PENDING Resources"), "{status}");

@@ -103,6 +103,36 @@ fn what_does_not_fit_is_an_error_with_both_sizes() {
 }
 
 #[test]
+fn a_scene_larger_than_the_device_is_refused_with_both_sizes() {
+    let Some(device) = harness::device() else { return };
+    let mut small = device.info.clone();
+    small.limits.heap = 1 << 10;
+    let small = Device::open(small, device.info.caps).unwrap();
+    let error = open(&small, Kind::Compute, &Sources::Embedded, &job([64, 64], 2, 1)).err().unwrap();
+    let said = error.to_string();
+    assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
+    assert!(said.contains(&small.info.name) && said.contains("offers 0 MiB") && said.contains("must fit"), "{said}");
+    harness::silent();
+}
+
+#[test]
+fn a_lost_device_is_worth_another_try_and_says_in_which_pass_it_was_lost() {
+    let (device, pass) = ("a device".to_owned(), "render".to_owned());
+    let lost = VulkanError::Lost { device: device.clone(), pass: pass.clone() };
+    let stuck = VulkanError::Stuck { device, pass, seconds: 300 };
+    for error in [lost, stuck] {
+        let told = into_render_error(Kind::Pipeline, error);
+        assert!(matches!(&told, RenderError::Lost { backend: "vulkan", .. }), "{told:?}");
+        assert!(told.to_string().contains("a device") && told.to_string().contains("`render`"), "{told}");
+    }
+    let result = ash::vk::Result::ERROR_INVALID_SHADER_NV;
+    let refused = VulkanError::Call { call: "vkCreateComputePipelines", result, pass: "upload".to_owned() };
+    let told = into_render_error(Kind::Query, refused);
+    assert!(matches!(&told, RenderError::Failed { .. }), "{told:?}");
+    assert!(told.to_string().contains("vkCreateComputePipelines") && told.to_string().contains("INVALID_SHADER"));
+}
+
+#[test]
 fn sums_lose_nothing_over_many_samples() {
     let Some(device) = harness::device() else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -22,7 +22,7 @@ use super::harness;
 use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
 
 /// The kinds that the device can do.
-fn kinds(device: &Device) -> Vec<Kind> {
+pub fn kinds(device: &Device) -> Vec<Kind> {
     let able = |kind: &Kind| {
         let lacking = kind.lacking(&device.info.caps);
         if let Some(what) = lacking {
@@ -43,7 +43,7 @@ pub fn render(device: &Arc<Device>, kind: Kind, scene: &CompiledScene, job: &Job
 }
 
 /// What two films of the same samples may differ by.
-fn compare(name: &str, found: &Film, expected: &Film) {
+pub fn compare(name: &str, found: &Film, expected: &Film) {
     assert_eq!(found.samples, expected.samples);
     let (a, b) = (found.mean(), expected.mean());
     let mean = b.data.as_flattened().iter().map(|x| f64::from(*x)).sum::<f64>() / (3 * b.data.len()) as f64;
@@ -64,7 +64,7 @@ fn compare(name: &str, found: &Film, expected: &Film) {
 }
 
 /// A closed room with a lamp, a glossy ball, a glass ball and a rough one.
-fn room() -> Arc<CompiledScene> {
+pub fn room() -> Arc<CompiledScene> {
     let mut glass = grey(1.0);
     (glass.model, glass.opacity, glass.roughness) = (Model::Disney, 0.0, 0.3);
     let mut metal = grey(0.9);
@@ -92,7 +92,7 @@ fn same_everywhere(name: &str, scene: &Arc<CompiledScene>, job: &Job, samples: u
     harness::silent();
 }
 
-/// Every kind of light, masks (blended ones decide by the very bits of a ray, so they agree only on average), a textured and bumpy floor, and surfaces of ideal models.
+/// Every kind of light, masks, a textured floor, and surfaces of ideal models.
 fn lamps() -> Arc<CompiledScene> {
     let image = |width: u32, texels: Vec<[f32; 3]>| Texture { width, height: texels.len() as u32 / width, texels };
     let mut builder = SceneBuilder::new(Vec3::new(0.3, 0.8, 3.0), Vec3::new(0.0, 0.3, 0.0), 50.0);
@@ -121,7 +121,8 @@ fn lamps() -> Arc<CompiledScene> {
         .build()
 }
 
-fn with(name: &str, seed: u64) -> Job {
+/// A job of an integrator, with roulette.
+pub fn with(name: &str, seed: u64) -> Job {
     Job { integrator: integrator(name).unwrap(), rr_start: Some(3), ..job([64, 36], 5, seed) }
 }
 
@@ -179,5 +180,51 @@ fn layers_are_those_of_the_cpu_and_sobol_is_its_twin() {
         lit += usize::from(total(&expected) > 0.0);
     }
     assert!(lit > 20, "only {lit} films show anything");
+    harness::silent();
+}
+
+/// What a run has written to go on from.
+fn state(renderer: &VulkanRenderer) -> Vec<u8> {
+    let mut state = Vec::new();
+    assert!(renderer.save(&mut state).unwrap());
+    state
+}
+
+#[test]
+fn a_run_that_was_cut_off_goes_on_to_the_same_bits() {
+    let Some(device) = harness::device() else { return };
+    // Whole numbers for splats, so that bits do not depend on chance; and layers.
+    let caps = Caps { float_atomics: false, ..device.info.caps };
+    let exact = Device::open(device.info.clone(), caps).unwrap();
+    let scene = room();
+    let open = |job: &Job| VulkanRenderer::new(&exact, Kind::Compute, &Sources::Embedded, &scene, job).unwrap();
+    let small = |name: &str, layers: &[Layer]| Job { layers: layers.to_vec(), resolution: [20, 14], ..with(name, 5) };
+    let splats = small("bdpt", &[]);
+    let mut last = None;
+    for job in [small("nee", &[Layer::Depth, Layer::Rays]), splats.clone()] {
+        let mut whole = open(&job);
+        whole.advance(5).unwrap();
+        let mut first = open(&job);
+        first.advance(2).unwrap();
+        let saved = state(&first);
+        drop(first);
+        let mut second = open(&job);
+        second.restore(&saved).unwrap();
+        assert_eq!(second.film().samples, 2);
+        assert_eq!(state(&second), saved, "what was taken is what is there");
+        second.advance(3).unwrap();
+        assert!(second.film() == whole.film(), "the picture of {}", job.integrator.name);
+        for i in 0..whole.layers().len() {
+            assert!(second.layer(i) == whole.layer(i), "{}", whole.layers()[i].name());
+        }
+        last = Some((second, saved));
+    }
+    let (second, saved) = last.unwrap();
+    // A run without splats cannot go on from it, nor one of another size, nor any from a part of it.
+    let (smaller, without) = (Job { resolution: [10, 14], ..splats }, with("bpt", 5));
+    for (mut other, bytes) in [(open(&without), &saved[..]), (open(&smaller), &saved[..]), (second, &saved[..99])] {
+        let error = other.restore(bytes).unwrap_err().to_string();
+        assert!(error.contains("do not fit"), "{error}");
+    }
     harness::silent();
 }

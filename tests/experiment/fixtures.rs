@@ -165,6 +165,7 @@ pub fn config() -> CellConfig {
         sampler: "independent".to_owned(),
         set: BTreeMap::new(),
         backend: "mock".into(),
+        fallback: None,
     }
 }
 

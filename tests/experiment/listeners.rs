@@ -176,7 +176,9 @@ impl Full {
 impl Sink for Full {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
         let words = words(event);
-        self.heard.push(words.clone());
+        if !matches!(event, Event::Forecast(_)) {
+            self.heard.push(words.clone());
+        }
         if words == self.at { Err(SinkError("no space left on device".into())) } else { Ok(()) }
     }
 }

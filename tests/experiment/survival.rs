@@ -8,13 +8,14 @@ use std::time::{Duration, SystemTime};
 
 use lumbre::experiment::event::{FinishedRun, History, Level, Save};
 use lumbre::experiment::run::{Options, Seams, run_with};
+use lumbre::experiment::spec::Order;
 use lumbre::experiment::standing::{Checkpoint, Claim, Standing};
 use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, Plan, RunId, Sink, SinkError};
 use lumbre::film::Image;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{RenderError, Renderer};
 
-use crate::fixtures::{Lab, Recorder, config, ints, whole_at, words};
+use crate::fixtures::{Lab, Recorder, at, config, ints, whole_at, words};
 
 /// What outlives a process, in memory, and who else is there.
 #[derive(Default)]
@@ -227,7 +228,7 @@ fn coarse_grids_are_complete_for_every_technique() {
     lab.render = Box::new(|p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
-        config.integrator = crate::fixtures::at(p, "technique").as_str().unwrap().to_owned();
+        config.integrator = at(p, "technique").as_str().unwrap().to_owned();
         Ok(config)
     });
     lab.spec.repeats = 2;
@@ -241,4 +242,62 @@ fn coarse_grids_are_complete_for_every_technique() {
     assert_eq!(all, (0..20).collect::<Vec<_>>());
     // Round 1 has the middle of the axis and the second repeat of what is there.
     assert_eq!(order[4..12].iter().map(key).filter(|(depth, repeat)| *depth == 3 || *repeat == 1).count(), 8);
+}
+
+/// Three techniques of one picture that take turns.
+fn heat() -> Lab {
+    let mut lab = Lab::new().axis("technique", ["bpt", "nee", "bdpt"]);
+    lab.spec.night.order = Order::Interleave;
+    lab.render = Box::new(|p| {
+        let mut config = config();
+        config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned();
+        Ok(config)
+    });
+    lab
+}
+
+#[test]
+fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off() {
+    let whole = go(&heat(), &Kept::default(), Options::from(1), u32::MAX).1;
+    for cut in 0..9 {
+        let kept = Kept::default();
+        let (summary, _) = go(&heat(), &kept, Options::from(1), cut);
+        assert!(summary.interrupted && summary.results.iter().any(|r| r.outcome == Outcome::Interrupted), "{cut}");
+        let begun = summary.results.iter().filter(|r| r.outcome == Outcome::Interrupted && !r.rows.is_empty()).count();
+        assert!(kept.checkpoints.borrow().len() >= begun, "each has its own checkpoint");
+        let (again, heard) = go(&heat(), &kept, Options::from(1), u32::MAX);
+        assert!(again.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+        for i in (0..3).map(CellRef::Cell) {
+            assert_eq!(heard.film(i), whole.film(i), "cut after {cut} waves");
+            let clock =
+                |result: &[lumbre::experiment::WaveRow]| result.last().map(|row| (row.samples, row.render_s.to_bits()));
+            let rows: Vec<_> = whole.rows(i).into_iter().cloned().collect();
+            let place = match i {
+                CellRef::Cell(place) | CellRef::Reference(place) => place,
+            };
+            assert_eq!(clock(&again.results[place].rows), clock(&rows));
+        }
+    }
+}
+
+#[test]
+fn a_checkpoint_that_is_asked_for_is_kept_of_every_run_that_takes_turns() {
+    struct Asks<'a>(&'a Control, bool);
+    impl Sink for Asks<'_> {
+        fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+            if matches!(event, Event::Wave { cell: CellRef::Cell(2), .. }) && !std::mem::replace(&mut self.1, true) {
+                self.0.request_checkpoint();
+            }
+            Ok(())
+        }
+    }
+    let (control, kept) = (Control::default(), Kept::default());
+    let mut asks = Asks(&control, false);
+    let open =
+        |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> { Ok(Box::new(MockRenderer::new(scene, job))) };
+    let seams = Seams { open: &open, wait: &|| {} };
+    let lab = heat();
+    let plan = Arc::new(lab.plan());
+    run_with(&seams, &plan, &lab, &kept, &mut [&mut asks], &control, 1).unwrap();
+    assert_eq!(kept.checkpoints.borrow().len(), 3);
 }

@@ -14,7 +14,7 @@ fn table() -> String {
     let mut lines = vec!["| backend | integrators | samplers | materials | layers | what it is |".to_owned()];
     lines.push("|---|---|---|---|---|---|".to_owned());
     for row in BACKENDS {
-        let able = INTEGRATORS.iter().filter(|i| (row.refuses)(i).is_none()).map(|i| i.name);
+        let able = INTEGRATORS.iter().filter(|i| (row.refuses)(i, 1).is_none()).map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
         let layers = if row.layers { format!("all {}", LAYERS.len()) } else { "none".to_owned() };
         let list = |names: Vec<&str>| names.join(", ");

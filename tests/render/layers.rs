@@ -84,7 +84,7 @@ fn depths_and_strategies_add_up_to_the_picture() {
         let plain = rendered(&scene, with(name, &[], 5, 7), &[8]);
         let renderer = rendered(&scene, with(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7), &[3, 5]);
         assert_eq!(renderer.film(), plain.film(), "{name}: layers change nothing");
-        assert!(plain.layers().is_empty() && plain.layer(0).is_none());
+        assert!(plain.layers().is_empty() && plain.layer(0).is_err());
         adds_up(&renderer);
         let films = films(&renderer);
         let (_, bounces) = films.iter().find(|(film, _)| film.layer == Layer::Bounces).unwrap();

@@ -6,8 +6,10 @@
 #include "transport/bsdf/clearcoat.glsl"
 #include "transport/bsdf/dielectric.glsl"
 #include "transport/bsdf/diffuse.glsl"
+#include "transport/bsdf/facets.glsl"
 #include "transport/bsdf/fresnel.glsl"
 #include "transport/bsdf/ggx.glsl"
+#include "transport/bsdf/glass.glsl"
 #include "transport/bsdf/lobe.glsl"
 
 // Where a refractive interface bends rays by less than this many radians, it is treated as smooth.
@@ -37,15 +39,6 @@ struct Choice {
     float glass;
     float coat;
 };
-
-// A value and the densities of both directions in which a path may run through it.
-struct Densities {
-    vec3 f;
-    float pdf_w;
-    float reverse_pdf_w;
-};
-
-const Densities NO_DENSITIES = Densities(vec3(0.0), 0.0, 0.0);
 
 // Reflectance at normal incidence of an index.
 float f0_of(float ior) {
@@ -195,18 +188,6 @@ Densities disney_evaluate(Disney k, vec3 wo, vec3 wi, uint mode) {
     float back_eta = disney_upper(k, back_o, back_i);
     disney_transmitted(k, back_o, back_i, back_eta, mode, from_i, d.reverse_pdf_w);
     return d;
-}
-
-vec3 mirrored(vec3 o, vec3 h) {
-    return h * (2.0 * dot(o, h)) - o;
-}
-
-// The direction refracted at `h`, if there is one.
-bool refracted(vec3 o, vec3 h, float eta, out vec3 wi) {
-    vec3 along = (h * dot(o, h) - o) / eta;
-    float cos2_t = 1.0 - length_squared(along);
-    wi = along - h * sqrt(max(cos2_t, 0.0));
-    return cos2_t > 0.0;
 }
 
 // Samples a direction: a lobe by `u`, a direction in it by `v`; the weight is that of the whole mixture.

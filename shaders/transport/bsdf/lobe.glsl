@@ -21,4 +21,13 @@ struct Local {
     bool delta;
 };
 
+// A value and the densities of both directions in which a path may run through it.
+struct Densities {
+    vec3 f;
+    float pdf_w;
+    float reverse_pdf_w;
+};
+
+const Densities NO_DENSITIES = Densities(vec3(0.0), 0.0, 0.0);
+
 #endif

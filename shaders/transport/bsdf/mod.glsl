@@ -6,6 +6,7 @@
 #include "math/frame.glsl"
 #include "transport/bsdf/disney.glsl"
 #include "transport/bsdf/ideal.glsl"
+#include "transport/bsdf/interface.glsl"
 #include "transport/bsdf/lobe.glsl"
 #include "transport/surface.glsl"
 
@@ -25,14 +26,36 @@ struct BsdfValue {
     float reverse_pdf_w;
 };
 
-// The BSDF at a point of a surface. Of an ideal one, `disney` holds base colour, index and weights alone.
+// The models of the scene, one bit each: a pipeline is made without the others. All, where nothing is said.
+#ifndef MODELS
+#define MODELS 31
+#endif
+const bool HAS_DISNEY = (MODELS & (1 << int(MODEL_DISNEY))) != 0;
+const bool HAS_INTERFACE = (MODELS >> int(MODEL_CONDUCTOR)) != 0;
+
+// The BSDF at a point of a surface, where `disney` holds more models than its own: of an ideal one base colour, index and
+// weights; of an interface base colour, alpha and whether it is smooth, and the material's row says the rest.
 struct Bsdf {
     Frame frame;
     vec3 n_geometric;
     bool overhang;
     uint model;
+    uint material;
     Disney disney;
 };
+
+bool bsdf_is_disney(Bsdf b) {
+    return HAS_DISNEY && b.model == MODEL_DISNEY;
+}
+
+bool bsdf_is_interface(Bsdf b) {
+    return HAS_INTERFACE && b.model >= MODEL_CONDUCTOR;
+}
+
+OneInterface bsdf_interface(Bsdf b) {
+    Facets facets = Facets(!b.disney.is_smooth, materials[b.material].distribution, b.disney.ggx.alpha);
+    return OneInterface(b.material, b.disney.base_color, facets);
+}
 
 Ideal bsdf_ideal(Bsdf b) {
     return Ideal(b.disney.base_color, b.disney.ior, vec3(b.disney.opaque, b.disney.metallic, b.disney.refractive));
@@ -69,6 +92,7 @@ Bsdf bsdf_new(Surface s) {
     b.n_geometric = s.n_geometric;
     b.overhang = s.overhang.present;
     b.model = m.model;
+    b.material = s.material;
     vec3 base_color = surface_base_color(s);
     float metallic = lookup_scalar(m.metallic_texture, s.uv, s.material, m.metallic);
     float opacity = lookup_scalar(m.opacity_texture, s.uv, s.material, m.opacity);
@@ -81,12 +105,15 @@ Bsdf bsdf_new(Surface s) {
         return b;
     }
     float roughness = lookup_scalar(m.roughness_texture, s.uv, s.material, m.roughness);
+    b.disney.ggx = ggx_new(roughness, m.anisotropic);
+    b.disney.is_smooth = roughness < m.smooth_below;
+    if (!bsdf_is_disney(b)) {
+        return b;
+    }
     b.disney.tinted = m.specular_tint > 0.0;
     b.disney.tinted_f0 = min(hue(base_color, m.specular_tint) * f0_of(m.ior), vec3(1.0));
     vec3 sheen = m.sheen > 0.0 ? hue(base_color, m.sheen_tint) * m.sheen : vec3(0.0);
     b.disney.diffuse = Diffuse(base_color, roughness, m.subsurface, sheen);
-    b.disney.ggx = ggx_new(roughness, m.anisotropic);
-    b.disney.is_smooth = roughness < m.smooth_below;
     b.disney.coat = clearcoat_new(m.clearcoat, m.clearcoat_gloss);
     return b;
 }
@@ -114,11 +141,13 @@ float bsdf_adjoint(Bsdf b, vec3 wo, vec3 wi, vec3 o, vec3 i) {
 BsdfValue bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi, uint mode) {
     vec3 o = frame_to_local(b.frame, wo), i = frame_to_local(b.frame, wi);
     Densities d;
-    if (b.model == MODEL_LAMBERT) {
+    if (bsdf_is_disney(b)) {
+        d = disney_evaluate(b.disney, o, i, mode);
+    } else if (bsdf_is_interface(b)) {
+        d = interface_evaluate(bsdf_interface(b), o, i, mode);
+    } else {
         Ideal k = bsdf_ideal(b);
         d = Densities(ideal_eval(k, o, i), ideal_pdf_w(k, o, i), ideal_pdf_w(k, i, o));
-    } else {
-        d = disney_evaluate(b.disney, o, i, mode);
     }
     if (mode == IMPORTANCE) {
         d.f *= bsdf_adjoint(b, wo, wi, o, i);
@@ -143,16 +172,24 @@ float bsdf_pdf_w(Bsdf b, vec3 wo, vec3 wi) {
 
 // Whether any lobe has a density.
 bool bsdf_has_density(Bsdf b) {
-    return b.model == MODEL_LAMBERT ? b.disney.opaque > 0.0 : disney_has_density(b.disney);
+    if (bsdf_is_disney(b)) {
+        return disney_has_density(b.disney);
+    }
+    return bsdf_is_interface(b) ? interface_has_density(bsdf_interface(b)) : b.disney.opaque > 0.0;
 }
 
 // Samples a direction, if anything is reflected; `u` and `v` as in Rust.
 bool bsdf_sample(Bsdf b, vec3 wo, float u, vec2 v, uint mode, out BsdfSample s) {
     vec3 o = frame_to_local(b.frame, wo);
     Local l;
-    bool found = b.model == MODEL_LAMBERT
-        ? ideal_sample(bsdf_ideal(b), o, u, v, mode, l)
-        : disney_sample(b.disney, o, u, v, mode, l);
+    bool found;
+    if (bsdf_is_disney(b)) {
+        found = disney_sample(b.disney, o, u, v, mode, l);
+    } else if (bsdf_is_interface(b)) {
+        found = interface_sample(bsdf_interface(b), o, u, v, mode, l);
+    } else {
+        found = ideal_sample(bsdf_ideal(b), o, u, v, mode, l);
+    }
     vec3 wi = frame_to_world(b.frame, l.lobe.wi);
     if (mode == IMPORTANCE) {
         l.lobe.weight *= bsdf_adjoint(b, wo, wi, o, l.lobe.wi);

@@ -177,6 +177,11 @@ pub enum Verb {
     /// of the picture), equal within noise (with the p-value), or differs here (with the place and a map). Times are not
     /// compared. Exit code 5 says that a picture differs.
     Reproduce(ReproduceArgs),
+    /// Say what one sample of one pixel does, step by step: rays, the vertices where they end, and the light it brings
+    ///
+    /// FILE is a scene, rendered as the options say, or a run's folder, whose `config.json` says how. The steps are the
+    /// same on every backend but for rounding; --backend chooses.
+    Trace(TraceArgs),
     /// Look into the time axis of a run: frames, animations, streaks, curves and arrival
     ///
     /// Draws them anew from the arrays that a finished run with `film = { time = .. }` has left, for the moments, pixels
@@ -191,6 +196,9 @@ pub enum Verb {
     },
     /// Print the manual page (roff; read it with `lumbre man | man -l -`)
     Man,
+    /// Render for another process of this program, which asks through a pipe
+    #[command(hide = true)]
+    Worker,
 }
 
 /// A script and how it is narrowed.
@@ -204,6 +212,37 @@ pub struct ScriptArgs {
     /// Keep only cells with this value of an axis; give it again for further values or axes
     #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
     pub only: Vec<(String, Vec<Value>)>,
+}
+
+/// `lumbre trace`.
+#[derive(Args, Debug)]
+pub struct TraceArgs {
+    /// The scene, or a run's folder
+    pub file: PathBuf,
+    /// Column and row, from the top left
+    #[arg(long, value_name = "X,Y", value_parser = super::trace::pixel)]
+    pub pixel: [u32; 2],
+    /// Index of the sample, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub sample: u64,
+    /// The technique, for a scene
+    #[arg(long, value_name = "NAME", default_value = "nee")]
+    pub integrator: String,
+    /// The sampler, for a scene
+    #[arg(long, value_name = "NAME", default_value = "independent")]
+    pub sampler: String,
+    /// The seed, for a scene
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Greatest number of path edges, for a scene [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub depth: Option<u32>,
+    /// Width and height, for a scene [default: the scene's]
+    #[arg(long, value_name = "WxH", value_parser = super::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `lumbre run`.

@@ -32,11 +32,16 @@ pub struct Row {
     resolution: [u32; 2],
     /// Seconds from the job to the first wave: copies, hierarchies, shaders.
     open_s: f64,
+    /// Seconds of it for copying scene and job.
+    upload_s: f64,
     /// Seconds of it for what rays are traced through.
     build_s: f64,
+    /// Seconds of it for shaders and pipelines.
+    pipeline_s: f64,
     /// Samples of pixels per second, in millions; median.
     mpaths_per_s: f64,
-    /// Share of the time of waves in which the device did not work; nothing for the processor itself.
+    /// Share of the time of waves, from asking for one to having its film here, in which the device did not work; nothing
+    /// for the processor itself.
     host_share: Option<f64>,
 }
 
@@ -89,7 +94,8 @@ fn one(
     let mut renderer = (row.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     let open_s = start.elapsed().as_secs_f64();
     let stats = renderer.open_stats();
-    let (build_s, device) = (stats.accel_build_s, stats.device.clone());
+    let (upload_s, build_s, pipeline_s) = (stats.upload_s, stats.accel_build_s, stats.pipeline_s);
+    let device = stats.device.clone();
     // Waves grow until they take what a night's do.
     let mut samples = 1;
     loop {
@@ -101,9 +107,10 @@ fn one(
     }
     let (mut rates, mut shares) = (Vec::new(), Vec::new());
     for _ in 0..repeats {
+        let start = Instant::now();
         let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
+        shares.push(1.0 - wave.device_s / start.elapsed().as_secs_f64());
         rates.push(wave.paths as f64 / wave.render_s / 1e6);
-        shares.push(1.0 - wave.device_s / wave.render_s);
     }
     let share = median(shares);
     Ok(Row {
@@ -113,7 +120,9 @@ fn one(
         device,
         resolution,
         open_s,
+        upload_s,
         build_s,
+        pipeline_s,
         mpaths_per_s: median(rates),
         host_share: (share < 1.0).then_some(share),
     })
@@ -129,7 +138,8 @@ impl Row {
     pub fn to_json(&self) -> Json {
         json!({
             "scene": self.scene, "integrator": self.integrator, "backend": self.backend, "device": self.device,
-            "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s, "build_s": self.build_s,
+            "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s, "upload_s": self.upload_s,
+            "build_s": self.build_s, "pipeline_s": self.pipeline_s,
             "mpaths_per_s": self.mpaths_per_s, "frames_per_s": self.frames_per_s(), "host_share": self.host_share,
         })
     }
@@ -137,7 +147,18 @@ impl Row {
 
 /// The table for people.
 pub fn table(rows: &[Row]) -> String {
-    let head = ["scene", "integrator", "backend", "Mpaths/s", "FPS", "open s", "of it build s", "host %"];
+    let head = [
+        "scene",
+        "integrator",
+        "backend",
+        "Mpaths/s",
+        "FPS",
+        "open s",
+        "upload ms",
+        "build ms",
+        "pipeline s",
+        "host %",
+    ];
     let mut lines = vec![head.map(str::to_owned).to_vec()];
     for r in rows {
         lines.push(vec![
@@ -147,7 +168,9 @@ pub fn table(rows: &[Row]) -> String {
             format!("{:.3}", r.mpaths_per_s),
             format!("{:.2}", r.frames_per_s()),
             format!("{:.2}", r.open_s),
-            format!("{:.3}", r.build_s),
+            format!("{:.1}", r.upload_s * 1e3),
+            format!("{:.1}", r.build_s * 1e3),
+            format!("{:.2}", r.pipeline_s),
             r.host_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1}", share * 100.0)),
         ]);
     }

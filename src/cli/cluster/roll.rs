@@ -74,7 +74,7 @@ impl Roll {
                 state,
                 node.cloned().unwrap_or_default(),
                 worker.map(|worker| format!("{} ago", text::duration(worker.age_s))).unwrap_or_default(),
-                worker.map(|worker| doing(worker)).unwrap_or_default(),
+                worker.map(doing).unwrap_or_default(),
                 worker.map(|worker| worker.device.model.clone()).unwrap_or_default(),
             ]);
         }

@@ -14,7 +14,7 @@ use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer, backend};
 use crate::scene::compile::compile_sharing;
 use crate::scene::desc::content_hash;
-use crate::scene::{SceneDesc, edit};
+use crate::scene::{CompiledScene, SceneDesc, edit};
 use crate::script;
 use crate::store;
 use crate::transport::camera::{FilterKind, FilterSpec};
@@ -62,9 +62,7 @@ pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<S
     let image = decode(&bytes).map_err(|e| format!("{}: {e}", picture.display()))?;
     let name = record.config["path"].as_str().filter(|p| !p.is_empty()).unwrap_or(id).to_owned();
     let scene_hash = done["scene_hash"].as_str().map(str::to_owned);
-    let env = folder.ancestors().find_map(|above| std::fs::read(above.join("env.json")).ok());
-    let env: Option<Json> = env.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    let started_in = env.and_then(|env| env["folder"].as_str().map(PathBuf::from));
+    let started_in = started_in(&folder);
     Ok(Stored { run: id.to_owned(), name, image, samples, config: record.config, scene_hash, started_in })
 }
 
@@ -84,26 +82,47 @@ fn folder_of(id: &str, file: &Path, out: &Path) -> Result<PathBuf, String> {
     store::read_run(out, id).map(|record| record.folder).map_err(|e| e.to_string())
 }
 
-/// Renders a run again.
+/// Where the night that a folder belongs to was started.
+fn started_in(folder: &Path) -> Option<PathBuf> {
+    let env = folder.ancestors().find_map(|above| std::fs::read(above.join("env.json")).ok())?;
+    serde_json::from_slice::<Json>(&env).ok()?["folder"].as_str().map(PathBuf::from)
+}
+
+/// What a run in progress or done renders, from its folder: scene, job and the name of its backend. Of a reference it is
+/// the first half.
 ///
 /// # Errors
-/// When what its folder names is not there or is not what it was, in words for people.
-pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
-    let render = &stored.config["render"];
-    let text = |key: &str| render[key].as_str().ok_or_else(|| format!("its config.json has no `render.{key}`"));
-    let scene = scene(render, stored.started_in.as_deref(), global)?;
-    let hash = blake3::Hash::from(content_hash(&scene)).to_hex().to_string();
-    if let Some(before) = stored.scene_hash.as_ref().filter(|before| **before != hash) {
-        return Err(format!("the scene {} is not what it was (hash {hash:.8}, then {before:.8})", text("scene")?));
-    }
-    let whole = |json: &Json| json.as_u64().and_then(|n| u32::try_from(n).ok());
-    let pair = |json: &Json| Some([whole(&json[0])?, whole(&json[1])?]);
-    let accel = match Value::from_json(&render["accel"]) {
+/// When what its folder names is not there, in words for people.
+pub fn job(folder: &Path, global: &Global) -> Result<(Arc<CompiledScene>, Job, String), String> {
+    let file = folder.join("config.json");
+    let bytes = std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+    let config: Json = serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", file.display()))?;
+    let folder = std::fs::canonicalize(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let scene = scene(&config["render"], started_in(&folder).as_deref(), global)?;
+    let sharing = accel_of(&config["render"]).instances;
+    let (compiled, _) = compile_sharing(&scene, sharing).map_err(|e| e.to_string())?;
+    let seed = [&config["seed"], &config["seeds"][0]].into_iter().find_map(Json::as_u64);
+    let job = Job { seed: seed.ok_or("its config.json has no seed")?, ..job_of(&config["render"], &scene, global)? };
+    Ok((Arc::new(compiled), job, text(&config["render"], "backend")?.to_owned()))
+}
+
+fn text<'a>(render: &'a Json, key: &str) -> Result<&'a str, String> {
+    render[key].as_str().ok_or_else(|| format!("its config.json has no `render.{key}`"))
+}
+
+/// How a `render` table builds the hierarchy.
+fn accel_of(render: &Json) -> AccelSpec {
+    match Value::from_json(&render["accel"]) {
         Value::Map(accel) => AccelSpec::from_map(&accel),
         _ => AccelSpec::default(),
-    };
-    let (compiled, _) = compile_sharing(&scene, accel.instances).map_err(|e| e.to_string())?;
-    let name = text("integrator")?;
+    }
+}
+
+/// The job of a `render` table, but for its seed.
+fn job_of(render: &Json, scene: &SceneDesc, global: &Global) -> Result<Job, String> {
+    let whole = |json: &Json| json.as_u64().and_then(|n| u32::try_from(n).ok());
+    let pair = |json: &Json| Some([whole(&json[0])?, whole(&json[1])?]);
+    let name = text(render, "integrator")?;
     let kind = render["aa"]["filter"].as_str().and_then(FilterKind::from_name);
     let radius = render["aa"]["radius"].as_f64().ok_or("its config.json has no `render.aa.radius`")? as f32;
     let films = render["films"].as_array().into_iter().flatten().filter_map(Json::as_str);
@@ -113,7 +132,7 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
     };
     let film = Value::from_json(&render["film"]);
     let timing = film.as_map().map_or(Ok(None), |film| Timing::from_film(film, "film")).map_err(|e| e.to_string())?;
-    let job = Job {
+    Ok(Job {
         integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}` any more"))?,
         params,
         resolution: pair(&render["resolution"]).unwrap_or(scene.resolution),
@@ -122,12 +141,28 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         filter: FilterSpec { kind: kind.ok_or("its pixel filter is unknown")?, radius },
         layers: films.filter_map(Layer::from_name).collect(),
         timing,
-        sampler: text("sampler").map(sampler)?.ok_or("its sampler is unknown")?,
-        accel,
+        sampler: text(render, "sampler").map(sampler)?.ok_or("its sampler is unknown")?,
+        accel: accel_of(render),
         seed: 0,
         threads: global.threads,
-    };
-    let wanted = global.backend.as_deref().map_or_else(|| text("backend"), Ok)?;
+    })
+}
+
+/// Renders a run again.
+///
+/// # Errors
+/// When what its folder names is not there or is not what it was, in words for people.
+pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
+    let render = &stored.config["render"];
+    let scene = scene(render, stored.started_in.as_deref(), global)?;
+    let hash = blake3::Hash::from(content_hash(&scene)).to_hex().to_string();
+    if let Some(before) = stored.scene_hash.as_ref().filter(|before| **before != hash) {
+        let name = text(render, "scene")?;
+        return Err(format!("the scene {name} is not what it was (hash {hash:.8}, then {before:.8})"));
+    }
+    let (compiled, _) = compile_sharing(&scene, accel_of(render).instances).map_err(|e| e.to_string())?;
+    let job = job_of(render, &scene, global)?;
+    let wanted = global.backend.as_deref().map_or_else(|| text(render, "backend"), Ok)?;
     let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`"))?;
     (row.probe)().map_err(|reason| format!("backend `{wanted}` cannot be used here: {reason}"))?;
     let scene = Arc::new(compiled);

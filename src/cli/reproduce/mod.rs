@@ -3,7 +3,7 @@
 //! A file names runs ([`named`]), a run's folder says what was rendered ([`again`]), and the answer for each is one of
 //! three: the same bits, a difference that noise explains, or a place where it does not.
 
-mod again;
+pub(super) mod again;
 mod named;
 
 use std::path::{Path, PathBuf};

@@ -75,6 +75,8 @@ pub(super) fn picture(
     ]);
     let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
     let sampler = map([("name", sampler.name.into()), ("revision", Value::Int(i64::from(sampler.revision)))]);
+    // What may have been rendered by another backend than its own must not pass for what cannot.
+    let backend = if config.fallback.is_some() { "auto" } else { config.backend.as_str() };
     let whole = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
     let resolution = config.resolution.map_or(Value::Nil, |r| Value::List(r.map(|n| Value::Int(i64::from(n))).into()));
     let fields = [
@@ -86,7 +88,7 @@ pub(super) fn picture(
         ("rr_start", whole(config.rr_start)),
         ("filter", filter),
         ("sampler", sampler),
-        ("backend", config.backend.as_str().into()),
+        ("backend", backend.into()),
     ];
     // Left out where there are none, so that runs without layers and bins keep the ids they had before these existed.
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();

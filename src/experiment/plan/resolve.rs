@@ -46,6 +46,8 @@ pub(super) struct Resolver<'a> {
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
+    /// What of each backend is not as it was built, by its name.
+    edits: BTreeMap<&'static str, Option<String>>,
     reference_files: BTreeMap<PathBuf, (RunId, Value)>,
     /// What the scene files say that could not be honoured.
     pub(super) notes: BTreeSet<Note>,
@@ -59,6 +61,7 @@ impl<'a> Resolver<'a> {
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
+            edits: BTreeMap::new(),
             reference_files: BTreeMap::new(),
             notes: BTreeSet::new(),
         }
@@ -68,7 +71,11 @@ impl<'a> Resolver<'a> {
     pub(super) fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
         let sampler = sampler_row(&config.sampler, point)?;
-        config.backend = self.backend(&config.backend, point)?.to_owned();
+        let asked = std::mem::take(&mut config.backend);
+        config.backend = self.backend(&asked, point)?.to_owned();
+        if asked == "auto" && config.backend != render::cpu::ROW.name {
+            config.fallback = Some(render::cpu::ROW.name);
+        }
         let (scene, hash) = self.scene(&config, point)?;
         let resolution = config.resolution.unwrap_or(scene.resolution);
         let [width, height] = resolution;
@@ -79,8 +86,14 @@ impl<'a> Resolver<'a> {
         if max_depth == 0 {
             return Err(PlanError::NoDepth { point: describe(point) });
         }
-        let refused = render::backend(&config.backend).and_then(|backend| refusal(backend, row, &scene, &config));
-        if let Some(reason) = refused {
+        let refused = |config: &CellConfig| {
+            render::backend(&config.backend).and_then(|backend| refusal(backend, row, max_depth, &scene, config))
+        };
+        // What the script has left to the program goes to the backend that can do it.
+        if let Some(able) = config.fallback.filter(|_| refused(&config).is_some()) {
+            (config.backend, config.fallback) = (able.to_owned(), None);
+        }
+        if let Some(reason) = refused(&config) {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
         let pixels = u64::from(width) * u64::from(height);
@@ -92,7 +105,10 @@ impl<'a> Resolver<'a> {
             .map_err(|reason| PlanError::Films { point: describe(point), reason })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
-        let picture = identity::picture(&config, row, sampler, &hash);
+        let mut picture = identity::picture(&config, row, sampler, &hash);
+        if let Some(Some(edited)) = self.edits.get(config.backend.as_str()) {
+            picture.insert("shaders".to_owned(), edited.as_str().into());
+        }
         Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
     }
 
@@ -163,11 +179,12 @@ impl<'a> Resolver<'a> {
             name: name.to_owned(),
             help: help(name, render::BACKENDS.iter().map(|row| row.name).chain(["auto"])),
         })?;
-        if !self.elsewhere
-            && let Err(reason) = (row.probe)()
-        {
-            return Err(PlanError::UnusableBackend { point: describe(point), name: row.name.to_owned(), reason });
+        let unusable =
+            |reason| PlanError::UnusableBackend { point: describe(point), name: row.name.to_owned(), reason };
+        if !self.elsewhere {
+            (row.probe)().map_err(unusable)?;
         }
+        self.edits.insert(row.name, (row.edited)().map_err(unusable)?);
         self.backends.insert(name.to_owned(), row.name);
         Ok(row.name)
     }
@@ -196,7 +213,13 @@ fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
 }
 
 /// Why a backend cannot render this, if it cannot.
-fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc, config: &CellConfig) -> Option<String> {
+fn refusal(
+    backend: &BackendRow,
+    integrator: &IntegratorRow,
+    max_depth: u32,
+    scene: &SceneDesc,
+    config: &CellConfig,
+) -> Option<String> {
     if !backend.accel && !config.accel.identity().is_empty() {
         return Some(format!("its hierarchy is not built by `{}`: `accel` is for the CPU", config.accel.describe()));
     }
@@ -213,7 +236,7 @@ fn refusal(backend: &BackendRow, integrator: &IntegratorRow, scene: &SceneDesc, 
     let strange = scene.materials.iter().find(|m| !backend.models.contains(&m.model));
     let model =
         |m: &desc::MaterialDesc| format!("it has no materials of the model `{}`, as `{}` is", m.model.word(), m.name);
-    (backend.refuses)(integrator).or_else(|| strange.map(model))
+    (backend.refuses)(integrator, max_depth).or_else(|| strange.map(model))
 }
 
 fn hash_of(values: &BTreeMap<String, Value>) -> [u8; 32] {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use super::checkpoint::Kept;
 use super::night::Night;
+use super::tries::{Broken, Try};
 use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
@@ -18,7 +19,7 @@ use crate::film::layer::LayerImage;
 use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
 use crate::render::halves::Halves;
-use crate::render::{Job, OpenStats, Renderer, WaveStats};
+use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::compile::compile_sharing;
 use crate::scene::{CompiledScene, SceneDesc};
 use crate::transport::integrator::integrator;
@@ -114,8 +115,10 @@ pub(super) struct Running<'a> {
     progress: Progress,
     /// There once it has begun.
     waves: Option<Waves>,
-    /// Its checkpoint does not count: the user wants it from its first sample.
-    anew: bool,
+    /// How it is tried.
+    pub(super) how: Try,
+    /// Its layers, once it is done.
+    layers: Vec<LayerImage>,
     /// Turns that it has had.
     turns: u64,
     /// When its turn began, and what its wall clock showed then.
@@ -125,12 +128,23 @@ pub(super) struct Running<'a> {
 impl<'a> Running<'a> {
     pub(super) fn new(work: Work<'a>) -> Running<'a> {
         let turn = (Instant::now(), 0.0);
-        Running { work, progress: Progress::default(), waves: None, anew: false, turns: 0, turn }
+        let (how, layers) = (Try::default(), Vec::new());
+        Running { work, progress: Progress::default(), waves: None, how, layers, turns: 0, turn }
     }
 
     /// Render time so far, and turns.
     pub(super) fn clock(&self) -> (f64, u64) {
         (self.progress.standing.render_s(), self.turns)
+    }
+
+    /// Whether a checkpoint of this try is kept.
+    pub(super) fn is_kept(&self) -> bool {
+        self.progress.kept.any
+    }
+
+    /// Forgets what was rendered, so that the next turn begins.
+    fn rewind(&mut self) {
+        (self.progress, self.waves) = (Progress::default(), None);
     }
 
     fn wall_s(&self) -> f64 {
@@ -171,7 +185,7 @@ impl<'a> Night<'a, '_> {
 
     /// What became of a run whose turns are over.
     fn ended(&mut self, run: Running<'_>, outcome: Outcome) -> Ended {
-        let Running { work, mut progress, .. } = run;
+        let Running { work, mut progress, layers, .. } = run;
         if outcome == Outcome::Interrupted {
             self.keep(work.cell, &mut progress);
         }
@@ -180,13 +194,12 @@ impl<'a> Night<'a, '_> {
         }
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
         let film = renderer.map(|r| Arc::new(r.film().clone()));
-        // Only what is finished is recorded.
         let finished = renderer.filter(|_| matches!(outcome, Outcome::Done(_)));
-        let layers = Arc::new(finished.map(|r| layer_images(r.as_ref())).unwrap_or_default());
         let times = finished.and_then(|r| r.times()).map(Arc::new);
         let halves = finished.and_then(|r| r.halves());
         let open = renderer.map(|r| r.open_stats().clone()).unwrap_or_default();
-        Ended { outcome, film, layers, times, rows: progress.standing.rows, halves, floors: Floors::default(), open }
+        let rows = progress.standing.rows;
+        Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default(), open }
     }
 
     /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`.
@@ -194,9 +207,18 @@ impl<'a> Night<'a, '_> {
         run.turn = (Instant::now(), run.progress.standing.wall_s);
         run.turns += 1;
         let next = match run.waves.is_some() {
+            // Opening a large scene takes a while; nobody who wants to leave has to wait for that.
+            false if self.control.stop_requested() || self.late() => Ok(Next::End(Outcome::Interrupted)),
             false => self.begin(run).map(|()| Next::Turn),
             true => self.advance(run, leads, slice_s),
         };
+        let next = next.and_then(|next| {
+            // Only what is finished is recorded.
+            if let (Next::End(Outcome::Done(_)), Some(renderer)) = (&next, &run.progress.renderer) {
+                run.layers = layer_images(renderer.as_ref())?;
+            }
+            Ok(next)
+        });
         match next {
             Ok(Next::Turn) => {
                 run.progress.standing.wall_s = run.wall_s();
@@ -204,19 +226,26 @@ impl<'a> Night<'a, '_> {
             }
             Ok(Next::End(outcome)) => Some(outcome),
             Ok(Next::Restart) => {
-                (run.progress, run.waves, run.anew) = (Progress::default(), None, true);
+                run.rewind();
+                run.how.anew = true;
                 None
             }
-            Err(reason) => Some(Outcome::Failed(reason)),
+            Err(broken) => match self.try_again(run, broken) {
+                Ok(again) => {
+                    run.rewind();
+                    (!again).then_some(Outcome::Interrupted)
+                }
+                Err(reason) => Some(Outcome::Failed(reason)),
+            },
         }
     }
 
     /// Opens the renderer of a run, and takes what there is of it.
-    fn begin(&mut self, run: &mut Running<'a>) -> Result<(), String> {
+    fn begin(&mut self, run: &mut Running<'a>) -> Result<(), Broken> {
         let work = run.work.clone();
         let scene = self.compiled(&work)?;
-        self.warm_up(&work, &scene)?;
-        let (renderer, resumed) = self.resume(&work, scene, run.anew)?;
+        self.warm_up(&work, &scene, &run.how)?;
+        let (renderer, resumed) = self.resume(&work, scene, &run.how)?;
         let open = renderer.open_stats().clone();
         let progress = &mut run.progress;
         progress.renderer = Some(renderer);
@@ -231,15 +260,15 @@ impl<'a> Night<'a, '_> {
         run.waves = Some(waves);
         let reference = work.reference.clone();
         self.emit(&Event::CellStarted { cell: work.cell, open, reference, resumed: rows })?;
-        match resumed.word {
-            Some((level, text)) => self.say(level, work.cell, text),
-            None => Ok(()),
+        if let Some((level, text)) = resumed.word {
+            self.say(level, work.cell, text)?;
         }
+        Ok(())
     }
 
     /// Goes on with the wave in progress or begins the next, for as long as one slice takes; what then is a whole wave
     /// is measured.
-    fn advance(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Result<Next, String> {
+    fn advance(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Result<Next, Broken> {
         let cell = run.work.cell;
         let plan = self.plan;
         let standing = &mut run.progress.standing;
@@ -251,7 +280,7 @@ impl<'a> Night<'a, '_> {
             {
                 return Ok(Next::End(Outcome::Done(reason)));
             }
-            let Some(waves) = &mut run.waves else { return Err("the run has not begun".to_owned()) };
+            let Some(waves) = &mut run.waves else { return Err("the run has not begun".to_owned().into()) };
             standing.left = waves.next(rows, run.work.stop);
             standing.growth = waves.size;
         }
@@ -303,10 +332,11 @@ impl<'a> Night<'a, '_> {
     }
 
     /// Renders what a cell of the plan has before its clock starts, and throws it away.
-    fn warm_up(&mut self, work: &Work<'a>, scene: &Arc<CompiledScene>) -> Result<(), String> {
+    fn warm_up(&mut self, work: &Work<'a>, scene: &Arc<CompiledScene>, how: &Try) -> Result<(), Broken> {
         let (Some(warmup), CellRef::Cell(_)) = (self.plan.night.warmup, work.cell) else { return Ok(()) };
         let seeds = [identity::warmup_seed()];
-        let mut renderer = Some(self.open(&Work { seeds: &seeds, ..work.clone() }, Arc::clone(scene))?);
+        let work = Work { seeds: &seeds, ..work.clone() };
+        let mut renderer = Some(self.open(&work, Arc::clone(scene), how.backend)?);
         let mut done = WaveStats::default();
         loop {
             let rate = done.samples as f64 / done.render_s;
@@ -328,32 +358,35 @@ impl<'a> Night<'a, '_> {
             "warmed up for {:.2} s with {} samples per pixel, which are thrown away",
             done.render_s, done.samples
         );
-        self.say(Level::Info, work.cell, text)
+        Ok(self.say(Level::Info, work.cell, text)?)
     }
 
     /// Opens the renderer of a run, and goes on from its checkpoint if there is one that fits, unless it is to be
-    /// rendered `anew`.
+    /// rendered anew.
     fn resume(
         &mut self,
         work: &Work<'a>,
         scene: Arc<CompiledScene>,
-        anew: bool,
-    ) -> Result<(Box<dyn Renderer>, Resumed), String> {
-        let mut renderer = self.open(work, Arc::clone(&scene))?;
-        let own = if anew { None } else { self.history.checkpoint(self.plan, work.cell) };
+        how: &Try,
+    ) -> Result<(Box<dyn Renderer>, Resumed), Broken> {
+        let mut renderer = self.open(work, Arc::clone(&scene), how.backend)?;
+        let own = if how.anew { None } else { self.history.checkpoint(self.plan, work.cell) };
         let (checkpoint, word) = match own {
             Some(own) => (own, "goes on from its checkpoint after"),
-            None => match self.beginning(work).filter(|_| !anew) {
+            None => match self.beginning(work).filter(|_| !how.anew) {
                 Some(shorter) => (shorter, "goes on from a shorter reference after"),
                 None => return Ok((renderer, Resumed::default())),
             },
         };
         let taken = guard("reading a checkpoint", || renderer.restore(&checkpoint.state));
+        if let Ok(Err(lost @ RenderError::Lost { .. })) = taken {
+            return Err(lost.into());
+        }
         if let Err(problem) = taken.and_then(|taken| taken.map_err(|e| e.to_string())) {
             drop(renderer);
             let word = format!("what was kept of it does not fit, and it starts again: {problem}");
             let resumed = Resumed { word: Some((Level::Warn, word)), ..Resumed::default() };
-            return Ok((self.open(work, scene)?, resumed));
+            return Ok((self.open(work, scene, how.backend)?, resumed));
         }
         let standing = checkpoint.standing;
         let word = format!("{word} {} samples per pixel", standing.samples());
@@ -383,8 +416,15 @@ impl<'a> Night<'a, '_> {
         Ok(compiled)
     }
 
-    pub(super) fn open(&self, work: &Work<'_>, scene: Arc<CompiledScene>) -> Result<Box<dyn Renderer>, String> {
+    /// Opens the renderer of a run, on its own backend or another.
+    pub(super) fn open(
+        &self,
+        work: &Work<'_>,
+        scene: Arc<CompiledScene>,
+        backend: Option<&str>,
+    ) -> Result<Box<dyn Renderer>, Broken> {
         let config = work.config;
+        let backend = backend.unwrap_or(&config.backend);
         let name = &config.integrator;
         let job = Job {
             integrator: integrator(name).ok_or_else(|| format!("there is no integrator `{name}`"))?,
@@ -400,15 +440,14 @@ impl<'a> Night<'a, '_> {
             seed: 0,
             threads: self.options.threads,
         };
-        let open = |seed: u64| {
+        let open = |seed: u64| -> Result<Box<dyn Renderer>, Broken> {
             let job = Job { seed, ..job.clone() };
-            guard("opening the backend", || (self.seams.open)(&config.backend, Arc::clone(&scene), job))?
-                .map_err(|e| e.to_string())
+            Ok(guard("opening the backend", || (self.seams.open)(backend, Arc::clone(&scene), job))??)
         };
         match work.seeds {
             [seed] => open(*seed),
             [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
-            _ => Err("a run has one seed, or those of two halves".to_owned()),
+            _ => Err("a run has one seed, or those of two halves".to_owned().into()),
         }
     }
 
@@ -455,20 +494,20 @@ fn furthest_behind(field: &[(Running<'_>, Floors)]) -> Option<usize> {
     })
 }
 
-pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, String> {
-    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned()) };
+pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, Broken> {
+    let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned().into()) };
     let stats = guard("rendering", || renderer.advance(samples))?;
     *slot = Some(renderer);
     match stats {
-        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples")),
-        stats => stats.map_err(|e| e.to_string()),
+        Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples").into()),
+        stats => Ok(stats?),
     }
 }
 
 /// The images of a renderer's layers; the sums of one at a time are in memory twice.
-fn layer_images(renderer: &dyn Renderer) -> Vec<LayerImage> {
+fn layer_images(renderer: &dyn Renderer) -> Result<Vec<LayerImage>, RenderError> {
     let films = renderer.layers().iter().enumerate();
-    films.filter_map(|(i, film)| Some(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
+    films.map(|(i, film)| Ok(LayerImage { film: *film, image: film.image(&renderer.layer(i)?) })).collect()
 }
 
 /// Runs what may panic; a panic becomes a reason.

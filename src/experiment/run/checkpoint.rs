@@ -21,6 +21,8 @@ pub(super) struct Kept {
     at_s: f64,
     /// What it cost, in seconds.
     cost_s: f64,
+    /// There is one of this try.
+    pub(super) any: bool,
     /// The last one could not be written.
     lost: bool,
     /// Nobody keeps any, or the backend cannot be saved.
@@ -97,6 +99,7 @@ impl Night<'_, '_> {
         match kept {
             Ok(kept) => {
                 state.lost = false;
+                state.any |= kept;
                 kept
             }
             Err(error) => {

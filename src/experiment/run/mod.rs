@@ -18,6 +18,7 @@ mod floors;
 mod night;
 pub mod patience;
 mod smoke;
+mod tries;
 mod waves;
 
 use std::collections::BTreeSet;
@@ -30,7 +31,7 @@ use super::forecast::Paces;
 use super::groups::Begin;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
-use crate::render::{Job, OpenStats, RenderError, Renderer, backend};
+use crate::render::{self, Job, OpenStats, RenderError, Renderer};
 use crate::scene::CompiledScene;
 
 /// How one cell or reference of the plan ended.
@@ -145,7 +146,7 @@ pub fn run(
     control: &Control,
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
-    let seams = Seams { open: &open, wait: &|| std::thread::sleep(PAUSE_STEP) };
+    let seams = Seams { open: &render::open, wait: &|| std::thread::sleep(PAUSE_STEP) };
     run_with(&seams, plan, hooks, history, sinks, control, options)
 }
 
@@ -163,11 +164,4 @@ pub fn run_with(
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
     night::Night::new(seams, plan, hooks, history, sinks, control, options.into()).carry_out()
-}
-
-fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
-    match backend(name) {
-        Some(row) => (row.open)(scene, job),
-        None => Err(RenderError::Unsupported { backend: "none", reason: format!("there is no backend `{name}`") }),
-    }
 }

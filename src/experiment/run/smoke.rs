@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::cell::{Work, advance, guard};
 use super::night::Night;
+use super::tries::Broken;
 use crate::experiment::event::{CellRef, Event, Level};
 use crate::experiment::forecast::Kind;
 use crate::experiment::plan::ReferenceSource;
@@ -31,7 +32,16 @@ impl Night<'_, '_> {
                 break;
             }
             tried += 1;
-            if let Err(reason) = self.try_one(*cell) {
+            let Err(broken) = self.try_one(*cell) else { continue };
+            // A device that was lost may come back, and where the script leaves the choice there is another backend: the
+            // night will see.
+            let again = match broken {
+                Broken::Lost(_) => true,
+                Broken::Backend(_) => self.fallback(*cell),
+                Broken::Other(_) => false,
+            };
+            if !again {
+                let reason = broken.reason();
                 let kind = self.kind(*cell);
                 let alike = order.iter().filter(|other| self.kind(**other) == kind);
                 failed.extend(alike.map(|other| (*other, format!("in the smoke pass: {reason}"))));
@@ -58,7 +68,18 @@ impl Night<'_, '_> {
         }
     }
 
-    fn try_one(&mut self, cell: CellRef) -> Result<(), String> {
+    /// Whether there is another backend for a run.
+    fn fallback(&self, cell: CellRef) -> bool {
+        match cell {
+            CellRef::Cell(i) => self.plan.cells[i].config.fallback.is_some(),
+            CellRef::Reference(i) => match &self.plan.references[i].source {
+                ReferenceSource::Render { config, .. } => config.fallback.is_some(),
+                ReferenceSource::File { .. } => false,
+            },
+        }
+    }
+
+    fn try_one(&mut self, cell: CellRef) -> Result<(), Broken> {
         let plan = self.plan;
         let (config, scene, seed, stop) = match cell {
             CellRef::Cell(i) => {
@@ -75,9 +96,9 @@ impl Night<'_, '_> {
         let resolution = Some([width.div_ceil(shrink), height.div_ceil(shrink)]);
         let work = Work { cell, config, scene, seeds: &[seed], stop, reference: None, resolution };
         let scene = self.compiled(&work)?;
-        let mut renderer = Some(self.open(&work, scene)?);
+        let mut renderer = Some(self.open(&work, scene, None)?);
         let stats = advance(&mut renderer, 1)?;
         self.paces.tried(Kind::of(config), stats.paths as f64 / stats.render_s);
-        guard("closing the backend", || drop(renderer))
+        Ok(guard("closing the backend", || drop(renderer))?)
     }
 }

@@ -10,6 +10,7 @@ mod copies;
 mod intersect;
 pub mod lanes;
 mod layers;
+mod paths;
 pub mod rates;
 pub mod renderer;
 mod times;
@@ -30,7 +31,9 @@ pub const ROW: BackendRow = BackendRow {
     layers: true,
     times: true,
     models: &Model::ALL,
-    refuses: |_| None,
+    refuses: |_, _| None,
+    edited: || Ok(None),
     accel: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
+    paths: paths::paths,
 };

@@ -75,6 +75,7 @@ impl CpuRenderer {
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
             device: words(&accel, &job.accel, pool.current_num_threads()),
+            ..OpenStats::default()
         };
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
@@ -295,9 +296,10 @@ impl Renderer for CpuRenderer {
         Some(times.cube([self.own.width, self.own.height], self.own.samples))
     }
 
-    fn layer(&self, index: usize) -> Option<Film> {
-        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len())?;
-        Some(layers.film(index, [self.own.width, self.own.height], self.own.samples))
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        let layers = self.layers.as_ref().filter(|layers| index < layers.films().len());
+        let missing = || RenderError::Failed { backend: "cpu", reason: format!("there is no film {index} of layers") };
+        Ok(layers.ok_or_else(missing)?.film(index, [self.own.width, self.own.height], self.own.samples))
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {

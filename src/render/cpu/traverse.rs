@@ -112,12 +112,12 @@ impl Accel {
                 let (mut met, near) = slabs.meet(&node.bounds, best.limit);
                 if ANY && met != 0 {
                     // Any order will do.
+                    current = node.child[met.trailing_zeros() as usize % LANES];
+                    met &= met - 1;
                     while met != 0 {
-                        let lane = met.trailing_zeros() as usize % LANES;
+                        stack.push(node.child[met.trailing_zeros() as usize % LANES], 0.0);
                         met &= met - 1;
-                        stack.push(node.child[lane], 0.0);
                     }
-                    current = stack.pop_top();
                     continue;
                 }
                 if met != 0 {

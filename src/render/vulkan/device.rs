@@ -20,6 +20,9 @@ pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
 /// How long a submission may take before it counts as stuck, in seconds. Dispatches are made to take a tenth of one.
 const PATIENCE_S: u64 = 300;
 
+/// The same of a device that is a program: it compiles shaders at their first dispatch, and shares its processor.
+const PATIENCE_WITH_PROGRAMS_S: u64 = 1800;
+
 /// What a device can do of what the backends ask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Caps {
@@ -449,6 +452,7 @@ impl Device {
     pub fn run(&self, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), VulkanError> {
         let mut current = self.pass.lock().unwrap_or_else(PoisonError::into_inner);
         pass.clone_into(&mut current);
+        let patience_s = if self.info.software { PATIENCE_WITH_PROGRAMS_S } else { PATIENCE_S };
         let fail = |call: &'static str| move |result| self.failed_in(call, result, pass.to_owned());
         let allocate = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
@@ -462,10 +466,10 @@ impl Device {
                 self.raw.end_command_buffer(commands[0]).map_err(fail("vkEndCommandBuffer"))?;
                 let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
                 self.raw.queue_submit(self.queue, &submit, self.fence).map_err(fail("vkQueueSubmit"))?;
-                match self.raw.wait_for_fences(&[self.fence], true, PATIENCE_S * 1_000_000_000) {
+                match self.raw.wait_for_fences(&[self.fence], true, patience_s * 1_000_000_000) {
                     Err(vk::Result::TIMEOUT) => {
                         self.stuck.store(true, Ordering::Relaxed);
-                        Err(VulkanError::Stuck { device: self.info.line(), pass: pass.to_owned(), seconds: PATIENCE_S })
+                        Err(VulkanError::Stuck { device: self.info.line(), pass: pass.to_owned(), seconds: patience_s })
                     }
                     other => other.map_err(fail("vkWaitForFences")),
                 }?;

@@ -1,5 +1,6 @@
 //! The films of a run on the device, and their copies here.
 
+use std::io::{self, Write};
 use std::sync::Arc;
 
 use ash::vk;
@@ -7,14 +8,27 @@ use ash::vk;
 use super::buffer::{Buffer, Readback};
 use super::device::Device;
 use super::error::VulkanError;
-use super::layout::{Counters, Invalid, Sums};
+use super::layout::{Counters, Invalid, PathStep, Sums};
 use super::pipeline::Bound;
 use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
 use crate::film::splat::{join, squares_of_words, sum_of_words};
+use crate::film::state::{Misfit, Saved, write_sums, write_words};
+use crate::render::paths::MOST_STEPS;
 
 /// Sums of splats of one film at one pixel: three sums, three sums of squares.
 type Landed = ([f64; 3], [f64; 3]);
+
+/// Why films cannot take what was saved.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum RestoreError {
+    /// It is of another kind of run.
+    #[error(transparent)]
+    Misfit(#[from] Misfit),
+    /// The device failed.
+    #[error(transparent)]
+    Device(#[from] VulkanError),
+}
 
 /// How splats are summed on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +61,8 @@ pub struct Films {
     splats: Buffer,
     layer_sums: Buffer,
     layer_values: Buffer,
+    /// Steps of the samples of one row; empty unless they are wanted.
+    steps: Buffer,
     mode: SplatMode,
     layout: Layout,
     resolution: [u32; 2],
@@ -57,7 +73,7 @@ pub struct Films {
 }
 
 impl Films {
-    /// Films without samples.
+    /// Films without samples, with room for the `steps` of a row's samples or without.
     ///
     /// # Errors
     /// When they do not fit onto the device.
@@ -66,6 +82,7 @@ impl Films {
         resolution: [u32; 2],
         layout: Layout,
         mode: SplatMode,
+        steps: bool,
     ) -> Result<Films, VulkanError> {
         let pixels = u64::from(resolution[0]) * u64::from(resolution[1]);
         let films = layout.films().len() as u64;
@@ -76,6 +93,7 @@ impl Films {
             buffer.clear()?;
             Ok::<Buffer, VulkanError>(buffer)
         };
+        let step_rows = if steps { u64::from(resolution[0]) * MOST_STEPS as u64 } else { 0 };
         let row = size_of::<Sums>() as u64;
         let largest = (row * pixels).max(mode.bytes() * slots).max(row * pixels * films);
         Ok(Films {
@@ -85,6 +103,7 @@ impl Films {
             splats: cleared("splats", mode.bytes() * slots)?,
             layer_sums: cleared("sums of layers", row * pixels * films)?,
             layer_values: cleared("values of layers", 12 * pixels * films)?,
+            steps: cleared("steps of samples", size_of::<PathStep>() as u64 * step_rows)?,
             landed: if mode == SplatMode::Float { vec![Landed::default(); slots as usize] } else { Vec::new() },
             readback: Readback::new(device, largest)?,
             counted: Readback::new(device, size_of::<Counters>() as u64)?,
@@ -95,9 +114,25 @@ impl Films {
     }
 
     /// What is bound after the scene, in the order of `shaders/film`.
-    pub fn bound(&self) -> [Bound<'_>; 6] {
-        [&self.sums, &self.invalid, &self.counters, &self.splats, &self.layer_sums, &self.layer_values]
+    pub fn bound(&self) -> [Bound<'_>; 7] {
+        [&self.sums, &self.invalid, &self.counters, &self.splats, &self.layer_sums, &self.layer_values, &self.steps]
             .map(Bound::Storage)
+    }
+
+    /// Forgets the steps of the row before.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn clear_steps(&self) -> Result<(), VulkanError> {
+        self.steps.clear()
+    }
+
+    /// The steps of a row's samples, [`MOST_STEPS`] for each column.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn steps(&self) -> Result<Vec<PathStep>, VulkanError> {
+        self.steps.read(self.resolution[0] as usize * MOST_STEPS)
     }
 
     /// The films of layers.
@@ -197,6 +232,47 @@ impl Films {
             }
         }
         Ok(film)
+    }
+
+    /// Everything that is kept from wave to wave, between waves.
+    fn kept(&self) -> [&Buffer; 4] {
+        [&self.sums, &self.invalid, &self.layer_sums, &self.splats]
+    }
+
+    /// Writes everything that further waves need.
+    ///
+    /// # Errors
+    /// When the device fails, or as `to`.
+    pub fn save(&self, to: &mut dyn Write) -> io::Result<()> {
+        write_words(to, [self.mode as u64])?;
+        for buffer in self.kept() {
+            let bytes: Vec<u8> = buffer.read(buffer.size as usize).map_err(io::Error::other)?;
+            write_words(to, [buffer.size])?;
+            to.write_all(&bytes)?;
+        }
+        self.landed.iter().try_for_each(|(sum, squares)| write_sums(to, &[*sum, *squares]))
+    }
+
+    /// Takes what films of the same kind have written; after an error these are worthless.
+    ///
+    /// # Errors
+    /// When it does not fit, or the device fails.
+    pub fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), RestoreError> {
+        if from.word()? != self.mode as u64 {
+            return Err(RestoreError::Misfit(Misfit));
+        }
+        for buffer in self.kept() {
+            if from.word()? != buffer.size {
+                return Err(RestoreError::Misfit(Misfit));
+            }
+            buffer.write(from.bytes(buffer.size)?)?;
+        }
+        for (sum, squares) in &mut self.landed {
+            let mut both = [[0.0; 3]; 2];
+            from.sums(&mut both)?;
+            [*sum, *squares] = both;
+        }
+        Ok(())
     }
 
     fn read_sums(

@@ -6,6 +6,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::render::paths::MOST_STEPS;
+
 /// A Rust type whose bytes are those of a GLSL type in scalar block layout.
 pub trait GlslType {
     /// The name of the GLSL type.
@@ -130,7 +132,7 @@ gpu_structs! {
         base_color: [f32; 3],
         /// Emitted radiance of the front side.
         emission: [f32; 3],
-        /// MODEL_DISNEY or MODEL_LAMBERT.
+        /// MODEL_DISNEY and so on.
         model: u32,
         /// Perceptual roughness.
         roughness: f32,
@@ -188,6 +190,20 @@ gpu_structs! {
         tiling_offset: [f32; 2],
         /// 1 where the surface of a light also reflects, else 0.
         emitter_reflects: u32,
+        /// Factor on what an interface reflects.
+        specular: [f32; 3],
+        /// Real part of a metal's index by channel.
+        eta: [f32; 3],
+        /// Imaginary part of a metal's index by channel.
+        k: [f32; 3],
+        /// DISTRIBUTION_GGX or DISTRIBUTION_BECKMANN.
+        distribution: u32,
+        /// 1 where a dielectric is a thin pane, else 0.
+        thin: u32,
+        /// 1 where light that plastic reflects back inside takes on its colour each time, else 0.
+        nonlinear: u32,
+        /// Part of diffuse light that is reflected back at the inside of plastic.
+        internal_reflectance: f32,
     }
 
     /// A texture: texels `[y][x]` from `texels[first]`, linear, origin top-left.
@@ -360,6 +376,34 @@ gpu_structs! {
         invalid: u32,
     }
 
+    /// A step of a sample, as `render::paths::Step`.
+    pub struct PathStep {
+        /// STEP_CLOSEST, STEP_SHADOW or STEP_LIGHT; 0 where there is none.
+        kind: u32,
+        /// The primitive that was met, or NONE; of a shadow ray 1 if it was blocked, else 0.
+        met: u32,
+        /// Where the ray starts.
+        origin: [f32; 3],
+        /// Where it goes.
+        dir: [f32; 3],
+        /// How far it is followed.
+        t_max: f32,
+        /// How far it came.
+        t: f32,
+        /// Barycentric weights of what it met.
+        uv: [f32; 2],
+        /// Column and row that light is for.
+        pixel: [u32; 2],
+        /// The light.
+        value: [f32; 3],
+        /// The same without its weight.
+        unweighted: [f32; 3],
+        /// Vertices found from the light.
+        light_vertices: u32,
+        /// Vertices found from the camera.
+        camera_vertices: u32,
+    }
+
     /// Which samples a dispatch adds, as push constants.
     pub struct Wave {
         /// Low and high word of the first sample's index.
@@ -378,6 +422,11 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("NONE", u32::MAX),
     ("MODEL_DISNEY", 0),
     ("MODEL_LAMBERT", 1),
+    ("MODEL_CONDUCTOR", 2),
+    ("MODEL_PLASTIC", 3),
+    ("MODEL_DIELECTRIC", 4),
+    ("DISTRIBUTION_GGX", 0),
+    ("DISTRIBUTION_BECKMANN", 1),
     ("MASK_THRESHOLD", 0),
     ("MASK_BLEND", 1),
     ("FILTER_BOX", 0),
@@ -390,6 +439,10 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("MIS_UNIFORM", 2),
     ("SAMPLER_INDEPENDENT", 0),
     ("SAMPLER_SOBOL", 1),
+    ("STEP_CLOSEST", 1),
+    ("STEP_SHADOW", 2),
+    ("STEP_LIGHT", 3),
+    ("MOST_STEPS", MOST_STEPS as u32),
 ];
 
 /// The text of `shaders/gen/layout.glsl`.

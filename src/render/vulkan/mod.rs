@@ -24,7 +24,12 @@ pub mod spirv;
 mod tracing;
 pub mod upload;
 
-use super::BackendRow;
+use std::sync::Arc;
+
+use super::paths::{SampleAt, Step};
+use super::{BackendRow, Job, RenderError, Renderer, worker};
+use crate::scene::CompiledScene;
+use crate::transport::integrator::IntegratorRow;
 use program::{Kind, shader_of};
 use renderer::VulkanRenderer;
 use spirv::Sources;
@@ -38,8 +43,10 @@ pub const PIPELINE: BackendRow = BackendRow {
     times: false,
     models: upload::MODELS,
     refuses,
+    edited,
     accel: false,
-    open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Pipeline, &scene, &job)?)),
+    open: |scene, job| open(Kind::Pipeline, &scene, job),
+    paths: |scene, job, samples| paths(Kind::Pipeline, scene, job, samples),
 };
 
 /// The row of ray queries.
@@ -51,8 +58,10 @@ pub const QUERY: BackendRow = BackendRow {
     times: false,
     models: upload::MODELS,
     refuses,
+    edited,
     accel: false,
-    open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Query, &scene, &job)?)),
+    open: |scene, job| open(Kind::Query, &scene, job),
+    paths: |scene, job, samples| paths(Kind::Query, scene, job, samples),
 };
 
 /// The row of hierarchies of our own.
@@ -64,13 +73,46 @@ pub const COMPUTE: BackendRow = BackendRow {
     times: false,
     models: upload::MODELS,
     refuses,
+    edited,
     accel: false,
-    open: |scene, job| Ok(Box::new(VulkanRenderer::open(Kind::Compute, &scene, &job)?)),
+    open: |scene, job| open(Kind::Compute, &scene, job),
+    paths: |scene, job, samples| paths(Kind::Compute, scene, job, samples),
 };
 
-fn refuses(integrator: &crate::transport::integrator::IntegratorRow) -> Option<String> {
-    let missing = shader_of(&Sources::Embedded, integrator.name).is_none();
-    missing.then(|| format!("there is no shader for the integrator `{}`", integrator.name))
+/// The most path edges of integrators that keep both subpaths: their shaders hold two vertices of about 400 bytes for each
+/// edge in the private memory of every invocation, here 25 KiB.
+const MOST_KEPT: u32 = 32;
+
+fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
+    let name = integrator.name;
+    if shader_of(&Sources::chosen(), name).is_none() {
+        return Some(format!("there is no shader for the integrator `{name}`"));
+    }
+    (integrator.splats && max_depth > MOST_KEPT).then(|| {
+        format!("its shader of `{name}` keeps the vertices of both subpaths in private memory, which has room for max_depth {MOST_KEPT}, not {max_depth}")
+    })
+}
+
+/// What of the shaders is not as it was built.
+fn edited() -> Result<Option<String>, String> {
+    Sources::chosen().edited().map_err(|e| e.to_string())
+}
+
+/// Opens a run: in a worker process, where this one has any.
+fn open(kind: Kind, scene: &Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    Ok(match worker::pool() {
+        Some(pool) => Box::new(pool.open(kind.backend(), scene, job)?),
+        None => Box::new(VulkanRenderer::open(kind, scene, &job)?),
+    })
+}
+
+/// What samples do on the device of this process.
+fn paths(kind: Kind, scene: &CompiledScene, job: &Job, samples: &[SampleAt]) -> Result<Vec<Vec<Step>>, RenderError> {
+    let steps = || {
+        let device = session::device()?;
+        VulkanRenderer::stepwise(&device, kind, &Sources::chosen(), scene, job)?.paths(samples)
+    };
+    steps().map_err(|e| renderer::into_render_error(kind, e))
 }
 
 /// The device that a kind would run on, or why none can.

@@ -1,5 +1,6 @@
 //! How much work one dispatch gets, so that it takes about [`TARGET_S`]: systems take a device for lost whose dispatches
-//! last seconds, and a long one cannot be interrupted.
+//! last seconds, and a long one cannot be interrupted. A few of them are handed over together, so that the device goes on
+//! while the host wakes up.
 
 /// Seconds that a dispatch shall take.
 const TARGET_S: f64 = 0.08;
@@ -13,6 +14,69 @@ const GROWTH: f64 = 8.0;
 /// The most samples of a pixel in one dispatch, whose counters have 32 bits.
 const MOST_SAMPLES: u64 = 1 << 16;
 
+/// Dispatches of one submission.
+const TOGETHER: usize = 4;
+
+/// A part of a wave: so many samples of every pixel of some rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Samples of the wave that came before.
+    pub done: u64,
+    /// Samples of every pixel.
+    pub samples: u32,
+    /// The first row.
+    pub row: u32,
+    /// The number of rows.
+    pub rows: u32,
+}
+
+impl Part {
+    /// Samples of pixels.
+    pub fn work(&self, width: u32) -> f64 {
+        f64::from(width) * f64::from(self.rows) * f64::from(self.samples)
+    }
+}
+
+/// A wave that is being cut into parts: all rows of some samples, then of the next.
+#[derive(Clone, Copy, Debug)]
+pub struct Cut {
+    size: [u32; 2],
+    samples: u64,
+    /// Where the next part begins; of no samples before a row of new ones.
+    next: Part,
+}
+
+impl Cut {
+    /// A wave of so many samples.
+    pub fn new(size: [u32; 2], samples: u64) -> Cut {
+        Cut { size, samples, next: Part { done: 0, samples: 0, row: 0, rows: 0 } }
+    }
+
+    /// The next part.
+    fn part(&mut self, pace: &Pace) -> Option<Part> {
+        let [width, height] = self.size;
+        if self.next.row == height {
+            (self.next.done, self.next.row) = (self.next.done + u64::from(self.next.samples), 0);
+        }
+        if self.next.done >= self.samples {
+            return None;
+        }
+        if self.next.row == 0 {
+            self.next.samples = pace.samples(self.size, self.samples - self.next.done);
+        }
+        let part = Part { rows: pace.rows(width, self.next.samples, height - self.next.row), ..self.next };
+        self.next.row += part.rows;
+        Some(part)
+    }
+
+    /// The parts of the next submission; none once the wave is done.
+    pub fn parts(&mut self, pace: &Pace) -> Vec<Part> {
+        // Before anything is known, one is enough to learn from.
+        let together = if pace.budget.is_some() { TOGETHER } else { 1 };
+        (0..together).map_while(|_| self.part(pace)).collect()
+    }
+}
+
 /// What the dispatches so far have taught.
 #[derive(Clone, Debug, Default)]
 pub struct Pace {
@@ -22,13 +86,13 @@ pub struct Pace {
 
 impl Pace {
     /// How many of `left` samples of every pixel the next dispatches shall have; at least one.
-    pub fn samples(&self, [width, height]: [u32; 2], left: u64) -> u32 {
+    fn samples(&self, [width, height]: [u32; 2], left: u64) -> u32 {
         let frame = f64::from(width) * f64::from(height);
         ((self.budget.unwrap_or(START) / frame) as u64).clamp(1, left.clamp(1, MOST_SAMPLES)) as u32
     }
 
     /// How many of `left` rows the next dispatch shall have; at least one.
-    pub fn rows(&self, width: u32, samples: u32, left: u32) -> u32 {
+    fn rows(&self, width: u32, samples: u32, left: u32) -> u32 {
         let row = f64::from(width) * f64::from(samples);
         ((self.budget.unwrap_or(START) / row) as u32).clamp(1, left.max(1))
     }
@@ -46,20 +110,24 @@ mod tests {
 
     /// Dispatches until `samples` are done, where a sample of a pixel takes `cost` seconds; their durations.
     fn dispatches(size: [u32; 2], samples: u64, cost: f64) -> Vec<f64> {
-        let (mut pace, mut done, mut durations) = (Pace::default(), 0, Vec::new());
-        while done < samples {
-            let share = pace.samples(size, samples - done);
-            let mut row = 0;
-            while row < size[1] {
-                let rows = pace.rows(size[0], share, size[1] - row);
-                let work = f64::from(size[0]) * f64::from(rows) * f64::from(share);
-                durations.push(work * cost);
-                pace.record(work, work * cost);
-                row += rows;
+        let (mut pace, mut cut, mut durations) = (Pace::default(), Cut::new(size, samples), Vec::new());
+        let mut rows = vec![0u64; size[1] as usize];
+        loop {
+            let parts = cut.parts(&pace);
+            if parts.is_empty() {
+                break;
             }
-            done += u64::from(share);
+            for part in &parts {
+                durations.push(part.work(size[0]) * cost);
+                for row in &mut rows[part.row as usize..][..part.rows as usize] {
+                    assert_eq!(*row, part.done, "samples come in order, and none twice");
+                    *row += u64::from(part.samples);
+                }
+            }
+            let work = parts.iter().map(|part| part.work(size[0])).sum::<f64>() / parts.len() as f64;
+            pace.record(work, work * cost);
         }
-        assert_eq!(done, samples, "never more than was asked for");
+        assert!(rows.iter().all(|row| *row == samples), "all that was asked for, and no more");
         durations
     }
 

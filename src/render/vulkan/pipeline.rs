@@ -108,22 +108,6 @@ impl Bindings {
         // SAFETY: the commands are being recorded, and the pipeline's layout was made from this set's.
         unsafe { self.device.raw.cmd_bind_descriptor_sets(commands, point, layout, 0, &[self.set], &[]) };
     }
-
-    /// A pipeline layout for this set and push constants of so many bytes.
-    ///
-    /// # Errors
-    /// When the device cannot make it.
-    pub fn pipeline_layout(&self, stages: vk::ShaderStageFlags, push: u32) -> Result<vk::PipelineLayout, VulkanError> {
-        let layouts = [self.layout];
-        let ranges = [vk::PushConstantRange::default().stage_flags(stages).size(push)];
-        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
-        if push > 0 {
-            info = info.push_constant_ranges(&ranges);
-        }
-        // SAFETY: the device is open and the structures live through the call.
-        unsafe { self.device.raw.create_pipeline_layout(&info, None) }
-            .map_err(|r| self.device.failed("vkCreatePipelineLayout", r))
-    }
 }
 
 impl Drop for Bindings {
@@ -179,11 +163,60 @@ impl Drop for Module {
     }
 }
 
-/// A compute pipeline with its layout.
-pub struct Compute {
+/// A pipeline with its layout.
+pub struct Pipeline {
     device: Arc<Device>,
-    layout: vk::PipelineLayout,
-    raw: vk::Pipeline,
+    /// The layout.
+    pub layout: vk::PipelineLayout,
+    /// The pipeline.
+    pub raw: vk::Pipeline,
+}
+
+impl Pipeline {
+    /// What `make` makes with a layout for a set and push constants of so many bytes; it says which call failed.
+    ///
+    /// # Errors
+    /// When the device refuses either.
+    pub fn new(
+        bindings: &Bindings,
+        name: &str,
+        (stages, push): (vk::ShaderStageFlags, u32),
+        make: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline, (&'static str, vk::Result)>,
+    ) -> Result<Pipeline, VulkanError> {
+        let device = &bindings.device;
+        let layouts = [bindings.layout];
+        let ranges = [vk::PushConstantRange::default().stage_flags(stages).size(push)];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        if push > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the device is open and the structures live through the call.
+        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }
+            .map_err(|r| device.failed("vkCreatePipelineLayout", r))?;
+        // From here on both are destroyed when they are dropped; there may be no pipeline.
+        let mut made = Pipeline { device: Arc::clone(device), layout, raw: vk::Pipeline::null() };
+        made.raw = make(layout).map_err(|(call, result)| device.failed(call, result))?;
+        device.name(made.raw, name);
+        Ok(made)
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
+        // SAFETY: every submission that uses the pipeline was waited for.
+        unsafe {
+            self.device.raw.destroy_pipeline(self.raw, None);
+            self.device.raw.destroy_pipeline_layout(self.layout, None);
+        }
+    }
+}
+
+/// A compute pipeline.
+pub struct Compute {
+    pipeline: Pipeline,
 }
 
 impl Compute {
@@ -199,42 +232,28 @@ impl Compute {
         push: u32,
     ) -> Result<Compute, VulkanError> {
         let module = Module::new(device, words)?;
-        let layout = bindings.pipeline_layout(vk::ShaderStageFlags::COMPUTE, push)?;
-        let mut made = Compute { device: Arc::clone(device), layout, raw: vk::Pipeline::null() };
-        let info =
-            vk::ComputePipelineCreateInfo::default().stage(module.stage(vk::ShaderStageFlags::COMPUTE)).layout(layout);
-        // SAFETY: module and layout live through the call.
-        let pipelines = unsafe { device.raw.create_compute_pipelines(device.pipelines, &[info], None) };
-        made.raw = pipelines.map_err(|(_, r)| device.failed("vkCreateComputePipelines", r))?[0];
-        device.name(made.raw, name);
-        Ok(made)
+        let stage = module.stage(vk::ShaderStageFlags::COMPUTE);
+        let pipeline = Pipeline::new(bindings, name, (vk::ShaderStageFlags::COMPUTE, push), |layout| {
+            let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
+            // SAFETY: module and layout live through the call.
+            let made = unsafe { device.raw.create_compute_pipelines(device.pipelines, &[info], None) };
+            made.map(|pipelines| pipelines[0]).map_err(|(_, result)| ("vkCreateComputePipelines", result))
+        })?;
+        Ok(Compute { pipeline })
     }
 
     /// Records a dispatch of so many workgroups with its push constants.
     pub fn dispatch<P: Pod>(&self, commands: vk::CommandBuffer, bindings: &Bindings, push: &P, groups: [u32; 3]) {
-        let (raw, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
-        bindings.bind(commands, point, self.layout);
+        let (raw, point) = (&self.pipeline.device.raw, vk::PipelineBindPoint::COMPUTE);
+        bindings.bind(commands, point, self.pipeline.layout);
         let bytes = bytemuck::bytes_of(push);
         // SAFETY: the commands are being recorded; the pipeline's layout has push constants of this size.
         unsafe {
-            raw.cmd_bind_pipeline(commands, point, self.raw);
+            raw.cmd_bind_pipeline(commands, point, self.pipeline.raw);
             if !bytes.is_empty() {
-                raw.cmd_push_constants(commands, self.layout, vk::ShaderStageFlags::COMPUTE, 0, bytes);
+                raw.cmd_push_constants(commands, self.pipeline.layout, vk::ShaderStageFlags::COMPUTE, 0, bytes);
             }
             raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]);
-        }
-    }
-}
-
-impl Drop for Compute {
-    fn drop(&mut self) {
-        if self.device.is_stuck() {
-            return;
-        }
-        // SAFETY: every submission that uses the pipeline was waited for.
-        unsafe {
-            self.device.raw.destroy_pipeline(self.raw, None);
-            self.device.raw.destroy_pipeline_layout(self.layout, None);
         }
     }
 }

@@ -109,7 +109,7 @@ pub enum Program {
     /// Of a compute shader.
     Compute(Compute),
     /// Of ray-tracing shaders.
-    Tracing(Tracing),
+    Tracing(Box<Tracing>),
 }
 
 impl Program {
@@ -155,7 +155,7 @@ impl Program {
                     any: compile("entry/mask.rahit")?,
                     intersection: compile("entry/sphere.rint")?,
                 };
-                Program::Tracing(Tracing::new(device, &title, &shaders, bindings, push)?)
+                Program::Tracing(Box::new(Tracing::new(device, &title, &shaders, bindings, push)?))
             }
         })
     }

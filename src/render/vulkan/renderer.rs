@@ -1,13 +1,14 @@
 //! A run on a device.
 
+use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::device::Device;
 use super::error::VulkanError;
-use super::films::{Films, SplatMode};
-use super::layout::Wave;
-use super::pace::Pace;
+use super::films::{Films, RestoreError, SplatMode};
+use super::layout::{PathStep, Wave};
+use super::pace::{Cut, Pace};
 use super::pipeline::Bindings;
 use super::program::{Kind, Program, Traversal};
 use super::session;
@@ -15,8 +16,13 @@ use super::spirv::Sources;
 use super::upload::{self, JobBuffers, SceneBuffers};
 use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
+use crate::film::state::{Saved, write_words};
+use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
+use crate::scene::compile::NONE;
+use crate::transport::contribution::Contribution;
+use crate::transport::ray::{Hit, Ray};
 
 /// Triangles and spheres up to which scenes with copies of meshes are unfolded for a device: some four gigabytes.
 const MOST_UNFOLDED: usize = 1 << 24;
@@ -38,17 +44,6 @@ pub struct VulkanRenderer {
     refused: bool,
 }
 
-/// What opening a run took, in seconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OpenTimes {
-    /// Copying the scene.
-    pub upload_s: f64,
-    /// Building what rays are traced through.
-    pub build_s: f64,
-    /// Compiling shaders and making the pipeline.
-    pub pipeline_s: f64,
-}
-
 impl VulkanRenderer {
     /// Opens a run on the device of this process.
     ///
@@ -56,7 +51,7 @@ impl VulkanRenderer {
     /// When there is no device, it lacks something, or the scene does not fit.
     pub fn open(kind: Kind, scene: &CompiledScene, job: &Job) -> Result<VulkanRenderer, RenderError> {
         let device = session::device().map_err(|e| into_render_error(kind, e))?;
-        VulkanRenderer::new(&device, kind, &Sources::Embedded, scene, job).map_err(|e| {
+        VulkanRenderer::new(&device, kind, &Sources::chosen(), scene, job).map_err(|e| {
             session::forget(&device);
             into_render_error(kind, e)
         })
@@ -72,6 +67,31 @@ impl VulkanRenderer {
         sources: &Sources,
         scene: &CompiledScene,
         job: &Job,
+    ) -> Result<VulkanRenderer, VulkanError> {
+        VulkanRenderer::make(device, kind, sources, scene, job, false)
+    }
+
+    /// Opens a run that can say what its samples do, step by step.
+    ///
+    /// # Errors
+    /// As [`VulkanRenderer::new`].
+    pub fn stepwise(
+        device: &Arc<Device>,
+        kind: Kind,
+        sources: &Sources,
+        scene: &CompiledScene,
+        job: &Job,
+    ) -> Result<VulkanRenderer, VulkanError> {
+        VulkanRenderer::make(device, kind, sources, scene, &Job { layers: Vec::new(), ..job.clone() }, true)
+    }
+
+    fn make(
+        device: &Arc<Device>,
+        kind: Kind,
+        sources: &Sources,
+        scene: &CompiledScene,
+        job: &Job,
+        steps: bool,
     ) -> Result<VulkanRenderer, VulkanError> {
         let unfolded;
         let scene = if scene.instances.places.is_empty() {
@@ -97,7 +117,10 @@ impl VulkanRenderer {
         let upload_s = start.elapsed().as_secs_f64();
         let traversal = Traversal::new(device, kind, scene, &scene_buffers)?;
         let (build_s, nodes) = traversal.built();
-        let mut defines = vec![("SAMPLER_KIND", format!("{}u", u32::from(job.sampler.name == "sobol")))];
+        let mut defines = vec![
+            ("SAMPLER_KIND", format!("{}u", u32::from(job.sampler.name == "sobol"))),
+            ("MODELS", upload::models(scene).to_string()),
+        ];
         if !job.layers.is_empty() {
             defines.push(("LAYERS", String::new()));
         }
@@ -106,7 +129,10 @@ impl VulkanRenderer {
             SplatMode::Float => defines.push(("SPLAT_FLOAT", String::new())),
             SplatMode::Fixed => {}
         }
-        let films = Films::new(device, job.resolution, layout, mode)?;
+        if steps {
+            defines.push(("PATHS", String::new()));
+        }
+        let films = Films::new(device, job.resolution, layout, mode, steps)?;
         let mut bound = upload::bound(&scene_buffers, &job_buffers);
         bound.extend(films.bound());
         bound.extend(traversal.bound());
@@ -117,8 +143,6 @@ impl VulkanRenderer {
         let empty = Wave { first_sample: [0; 2], samples: 0, first_row: 0, rows: 0 };
         device.run("warm up", |commands| program.dispatch(commands, &bindings, 1, &empty))?;
         let pipeline_s = start.elapsed().as_secs_f64();
-        let times = OpenTimes { upload_s, build_s, pipeline_s };
-        tracing::debug!("{} on {}: {times:?}", kind.backend(), device.info.line());
         Ok(VulkanRenderer {
             kind,
             program,
@@ -131,6 +155,8 @@ impl VulkanRenderer {
             pace: Pace::default(),
             film: Film::new(job.resolution[0], job.resolution[1]),
             open_stats: OpenStats {
+                upload_s,
+                pipeline_s,
                 accel_build_s: build_s,
                 accel_nodes: nodes,
                 device: device.info.line(),
@@ -144,28 +170,32 @@ impl VulkanRenderer {
         let start = Instant::now();
         let size = [self.film.width, self.film.height];
         let mut stats = WaveStats { samples, paths: samples * self.film.sum.len() as u64, ..WaveStats::default() };
-        let mut done = 0;
-        while done < samples {
-            let share = self.pace.samples(size, samples - done);
-            let first = self.film.samples + done;
-            let mut row = 0;
-            while row < size[1] {
-                let rows = self.pace.rows(size[0], share, size[1] - row);
-                let wave =
-                    Wave { first_sample: [first as u32, (first >> 32) as u32], samples: share, first_row: row, rows };
-                let seconds = self.device.timed("render", |commands| {
-                    self.films.start_counting(&self.device, commands);
-                    self.program.dispatch(commands, &self.bindings, size[0], &wave);
-                    self.films.stop_counting(&self.device, commands);
-                })?;
-                self.pace.record(f64::from(size[0]) * f64::from(rows) * f64::from(share), seconds);
-                let counted = self.films.counted();
-                stats.rays += u64::from(counted.rays);
-                stats.invalid += u64::from(counted.invalid);
-                stats.device_s += seconds;
-                row += rows;
+        let mut cut = Cut::new(size, samples);
+        loop {
+            let parts = cut.parts(&self.pace);
+            if parts.is_empty() {
+                break;
             }
-            done += u64::from(share);
+            let seconds = self.device.timed("render", |commands| {
+                self.films.start_counting(&self.device, commands);
+                for (i, part) in parts.iter().enumerate() {
+                    if i > 0 {
+                        // The same rows may come again.
+                        self.device.barrier_to_shaders(commands);
+                    }
+                    let first = self.film.samples + part.done;
+                    let (first_sample, rows) = ([first as u32, (first >> 32) as u32], part.rows);
+                    let wave = Wave { first_sample, samples: part.samples, first_row: part.row, rows };
+                    self.program.dispatch(commands, &self.bindings, size[0], &wave);
+                }
+                self.films.stop_counting(&self.device, commands);
+            })?;
+            let work = parts.iter().map(|part| part.work(size[0])).sum::<f64>();
+            self.pace.record(work / parts.len() as f64, seconds / parts.len() as f64);
+            let counted = self.films.counted();
+            stats.rays += u64::from(counted.rays);
+            stats.invalid += u64::from(counted.invalid);
+            stats.device_s += seconds;
         }
         self.film.samples += samples;
         self.films.end_wave()?;
@@ -177,6 +207,63 @@ impl VulkanRenderer {
         stats.render_s = start.elapsed().as_secs_f64();
         Ok(stats)
     }
+
+    /// What samples do, of a run that was opened [`VulkanRenderer::stepwise`]. Its film is worthless afterwards.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn paths(&mut self, samples: &[SampleAt]) -> Result<Vec<Vec<Step>>, VulkanError> {
+        let mut found = Vec::with_capacity(samples.len());
+        // A row at a time, as they come.
+        for row in samples.chunk_by(|a, b| (a.pixel[1], a.sample) == (b.pixel[1], b.sample)) {
+            let (y, sample) = (row[0].pixel[1], row[0].sample);
+            let first_sample = [sample as u32, (sample >> 32) as u32];
+            let wave = Wave { first_sample, samples: 1, first_row: y, rows: 1 };
+            self.films.clear_steps()?;
+            self.device.run("steps of samples", |commands| {
+                self.device.barrier_to_shaders(commands);
+                self.program.dispatch(commands, &self.bindings, self.film.width, &wave);
+                self.device.barrier_to_copy(commands);
+            })?;
+            let steps = self.films.steps()?;
+            found.extend(row.iter().map(|at| {
+                let own = steps.chunks_exact(MOST_STEPS).nth(at.pixel[0] as usize).unwrap_or_default();
+                own.iter().map_while(step).collect()
+            }));
+        }
+        Ok(found)
+    }
+
+    fn take(&mut self, state: &[u8]) -> Result<(), RestoreError> {
+        let mut from = Saved::new(state);
+        let samples = from.word()?;
+        self.refused = from.word()? != 0;
+        self.films.restore(&mut from)?;
+        from.end()?;
+        self.film.samples = samples;
+        Ok(self.films.picture(&mut self.film)?)
+    }
+}
+
+/// A step as a shader has written it, if it has.
+fn step(s: &PathStep) -> Option<Step> {
+    let ray = Ray { origin: s.origin.into(), dir: s.dir.into() };
+    match s.kind {
+        1 => {
+            let hit = (s.met != NONE).then_some(Hit { t: s.t, primitive: s.met, instance: NONE, uv: s.uv });
+            Some(Step::Closest { ray, t_max: s.t_max, hit })
+        }
+        2 => Some(Step::Shadow { ray, t_max: s.t_max, blocked: s.met != 0 }),
+        3 => Some(Step::Light(Contribution {
+            pixel: s.pixel,
+            value: s.value.into(),
+            unweighted: s.unweighted.into(),
+            s: s.light_vertices,
+            t: s.camera_vertices,
+            length: 0.0,
+        })),
+        _ => None,
+    }
 }
 
 /// What the layers above are told.
@@ -187,6 +274,7 @@ pub fn into_render_error(kind: Kind, error: VulkanError) -> RenderError {
         | VulkanError::NoDevice(_)
         | VulkanError::Lacks { .. }
         | VulkanError::TooLarge { .. } => RenderError::Unsupported { backend, reason },
+        VulkanError::Lost { .. } | VulkanError::Stuck { .. } => RenderError::Lost { backend, reason },
         _ => RenderError::Failed { backend, reason },
     }
 }
@@ -207,8 +295,30 @@ impl Renderer for VulkanRenderer {
         self.films.layers()
     }
 
-    fn layer(&self, index: usize) -> Option<Film> {
-        (index < self.films.layers().len()).then(|| self.films.layer(index, self.film.samples).ok()).flatten()
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        if index >= self.films.layers().len() {
+            let reason = format!("there is no film {index} of layers");
+            return Err(RenderError::Failed { backend: self.kind.backend(), reason });
+        }
+        self.films.layer(index, self.film.samples).map_err(|e| into_render_error(self.kind, e))
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        write_words(to, [self.film.samples, self.refused.into()])?;
+        self.films.save(to)?;
+        Ok(true)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        self.take(state).map_err(|error| match error {
+            RestoreError::Misfit(misfit) => {
+                RenderError::Failed { backend: self.kind.backend(), reason: misfit.to_string() }
+            }
+            RestoreError::Device(error) => {
+                session::forget(&self.device);
+                into_render_error(self.kind, error)
+            }
+        })
     }
 
     fn open_stats(&self) -> &OpenStats {

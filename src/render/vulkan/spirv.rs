@@ -32,6 +32,7 @@ embed![
     "entry/triangle.rchit",
     "film/film.glsl",
     "film/layers.glsl",
+    "film/paths.glsl",
     "film/splat.glsl",
     "film/sums.glsl",
     "gen/layout.glsl",
@@ -46,17 +47,23 @@ embed![
     "trace/payload.glsl",
     "trace/pipeline.glsl",
     "trace/query.glsl",
+    "transport/bsdf/beckmann.glsl",
     "transport/bsdf/clearcoat.glsl",
+    "transport/bsdf/conductor.glsl",
     "transport/bsdf/dielectric.glsl",
     "transport/bsdf/diffuse.glsl",
     "transport/bsdf/disney.glsl",
+    "transport/bsdf/facets.glsl",
     "transport/bsdf/fresnel.glsl",
     "transport/bsdf/ggx.glsl",
+    "transport/bsdf/glass.glsl",
     "transport/bsdf/ideal.glsl",
+    "transport/bsdf/interface.glsl",
     "transport/bsdf/lambert.glsl",
     "transport/bsdf/lobe.glsl",
     "transport/bsdf/mirror.glsl",
     "transport/bsdf/mod.glsl",
+    "transport/bsdf/plastic.glsl",
     "transport/camera/filter.glsl",
     "transport/camera/lens.glsl",
     "transport/contribution.glsl",
@@ -84,6 +91,9 @@ embed![
     "transport/surface.glsl",
     "transport/vertex.glsl",
 ];
+
+/// The variable that names a folder of edited shaders; what it holds counts in the identity of runs.
+pub const FOLDER_VARIABLE: &str = "LUMBRE_SHADERS";
 
 /// Where shaders come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,6 +129,39 @@ pub enum ShaderError {
 }
 
 impl Sources {
+    /// What [`FOLDER_VARIABLE`] says.
+    pub fn chosen() -> Sources {
+        let folder = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty());
+        folder.map_or(Sources::Embedded, |folder| Sources::Folder(folder.into()))
+    }
+
+    /// A hash of the shaders that are others than those inside the program; `None` where there are none.
+    ///
+    /// # Errors
+    /// When the folder is not there, one of its files cannot be read, or none of them is a shader of this program.
+    pub fn edited(&self) -> Result<Option<String>, ShaderError> {
+        let Sources::Folder(folder) = self else { return Ok(None) };
+        let unreadable = |problem: &str| ShaderError::Unreadable {
+            file: format!("folder {} that {FOLDER_VARIABLE} names", folder.display()),
+            problem: problem.to_owned(),
+        };
+        if !folder.is_dir() {
+            return Err(unreadable("there is no such folder"));
+        }
+        if !EMBEDDED.iter().any(|(name, _)| folder.join(name).is_file()) {
+            return Err(unreadable("it has none of the files of this program's shaders/"));
+        }
+        let (mut hasher, mut any) = (blake3::Hasher::new(), false);
+        for (name, ours) in EMBEDDED {
+            let text = self.text(name)?;
+            if text != *ours {
+                any = true;
+                hasher.update(name.as_bytes()).update(&[0]).update(text.as_bytes()).update(&[0]);
+            }
+        }
+        Ok(any.then(|| hasher.finalize().to_hex().to_string()))
+    }
+
     /// The text of a shader by its path below the root.
     ///
     /// # Errors
@@ -301,6 +344,23 @@ mod tests {
         let text = format!("{HEAD}#include \"transport/nowhere.glsl\"\nvoid main() {{}}\n");
         let error = compile(&Sources::Embedded, "a.comp", &text, &[], &[]).unwrap_err();
         assert_eq!(error, ShaderError::Missing("transport/nowhere.glsl".to_owned()));
+    }
+
+    #[test]
+    fn a_folder_counts_by_what_differs_in_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let sources = Sources::Folder(dir.path().to_owned());
+        assert_eq!(Sources::Embedded.edited(), Ok(None));
+        assert!(sources.edited().unwrap_err().to_string().contains("none of the files"));
+        let gone = Sources::Folder(dir.path().join("nowhere")).edited().unwrap_err().to_string();
+        assert!(gone.contains("nowhere") && gone.contains("no such folder"), "{gone}");
+        let ours = Sources::Embedded.text("scene.glsl").unwrap();
+        std::fs::write(dir.path().join("scene.glsl"), &ours).unwrap();
+        assert_eq!(sources.edited(), Ok(None), "a copy is no change");
+        std::fs::write(dir.path().join("scene.glsl"), format!("{ours}// mine")).unwrap();
+        let first = sources.edited().unwrap();
+        std::fs::write(dir.path().join("scene.glsl"), format!("{ours}// yours")).unwrap();
+        assert!(first.is_some() && sources.edited().unwrap() != first);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use bytemuck::Pod;
 use super::buffer::Buffer;
 use super::device::Device;
 use super::error::VulkanError;
-use super::pipeline::{Bindings, Module};
+use super::pipeline::{Bindings, Module, Pipeline};
 
 /// The stages of a pipeline.
 pub const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
@@ -38,8 +38,7 @@ pub struct Shaders {
 /// A ray-tracing pipeline with its table: ray generation, miss, hits of triangles, hits of spheres.
 pub struct Tracing {
     device: Arc<Device>,
-    layout: vk::PipelineLayout,
-    raw: vk::Pipeline,
+    pipeline: Pipeline,
     _table: Buffer,
     /// Ray generation, miss, hits, callables.
     regions: [vk::StridedDeviceAddressRegionKHR; 4],
@@ -88,66 +87,34 @@ impl Tracing {
                 .any_hit_shader(4)
                 .intersection_shader(5),
         ];
-        let layout = bindings.pipeline_layout(STAGES, push)?;
-        let info = vk::RayTracingPipelineCreateInfoKHR::default()
-            .stages(&stages)
-            .groups(&groups)
-            .max_pipeline_ray_recursion_depth(1)
-            .layout(layout);
-        // SAFETY: modules and layout live through the call.
-        let made = unsafe {
-            tracing.create_ray_tracing_pipelines(vk::DeferredOperationKHR::null(), device.pipelines, &[info], None)
-        };
-        let raw = match made {
-            Ok(pipelines) => pipelines[0],
-            Err((_, result)) => {
-                // SAFETY: nothing uses the layout.
-                unsafe { device.raw.destroy_pipeline_layout(layout, None) };
-                return Err(device.failed("vkCreateRayTracingPipelinesKHR", result));
-            }
-        };
-        device.name(raw, name);
-        let table = Table::new(device, tracing, raw, groups.len());
-        match table {
-            Ok(table) => {
-                Ok(Tracing { device: Arc::clone(device), layout, raw, _table: table.buffer, regions: table.regions })
-            }
-            Err(error) => {
-                // SAFETY: nothing uses them.
-                unsafe {
-                    device.raw.destroy_pipeline(raw, None);
-                    device.raw.destroy_pipeline_layout(layout, None);
-                }
-                Err(error)
-            }
-        }
+        let pipeline = Pipeline::new(bindings, name, (STAGES, push), |layout| {
+            let info = vk::RayTracingPipelineCreateInfoKHR::default()
+                .stages(&stages)
+                .groups(&groups)
+                .max_pipeline_ray_recursion_depth(1)
+                .layout(layout);
+            // SAFETY: modules and layout live through the call.
+            let made = unsafe {
+                tracing.create_ray_tracing_pipelines(vk::DeferredOperationKHR::null(), device.pipelines, &[info], None)
+            };
+            made.map(|pipelines| pipelines[0]).map_err(|(_, result)| ("vkCreateRayTracingPipelinesKHR", result))
+        })?;
+        let table = Table::new(device, tracing, pipeline.raw, groups.len())?;
+        Ok(Tracing { device: Arc::clone(device), pipeline, _table: table.buffer, regions: table.regions })
     }
 
     /// Records one invocation of ray generation for each of `size`.
     pub fn trace<P: Pod>(&self, commands: vk::CommandBuffer, bindings: &Bindings, push: &P, size: [u32; 2]) {
         let Some(tracing) = &self.device.tracing else { return };
         let (raw, point) = (&self.device.raw, vk::PipelineBindPoint::RAY_TRACING_KHR);
-        bindings.bind(commands, point, self.layout);
+        bindings.bind(commands, point, self.pipeline.layout);
         let [generation, miss, hit, callable] = &self.regions;
         // SAFETY: the commands are being recorded; the table was made from this pipeline, whose layout has push constants
         // of this size.
         unsafe {
-            raw.cmd_bind_pipeline(commands, point, self.raw);
-            raw.cmd_push_constants(commands, self.layout, STAGES, 0, bytemuck::bytes_of(push));
+            raw.cmd_bind_pipeline(commands, point, self.pipeline.raw);
+            raw.cmd_push_constants(commands, self.pipeline.layout, STAGES, 0, bytemuck::bytes_of(push));
             tracing.cmd_trace_rays(commands, generation, miss, hit, callable, size[0], size[1], 1);
-        }
-    }
-}
-
-impl Drop for Tracing {
-    fn drop(&mut self) {
-        if self.device.is_stuck() {
-            return;
-        }
-        // SAFETY: every submission that uses the pipeline was waited for.
-        unsafe {
-            self.device.raw.destroy_pipeline(self.raw, None);
-            self.device.raw.destroy_pipeline_layout(self.layout, None);
         }
     }
 }

@@ -20,7 +20,17 @@ use crate::transport::light::{Lights, Select};
 use crate::transport::mis::Heuristic;
 
 /// The models that have shaders, by their number there.
-pub const MODELS: &[Model] = &[Model::Disney, Model::Lambert];
+pub const MODELS: &[Model] = &[Model::Disney, Model::Lambert, Model::Conductor, Model::Plastic, Model::Dielectric];
+
+/// The models of a scene as shaders count them, one bit each.
+pub fn models(scene: &CompiledScene) -> u32 {
+    scene.materials.iter().fold(0, |bits, m| bits | 1 << number(m.model))
+}
+
+/// Scenes with models that have none are refused before.
+fn number(model: Model) -> u32 {
+    MODELS.iter().position(|known| *known == model).unwrap_or(0) as u32
+}
 
 /// What of a scene does not depend on the job: shared by everything that renders it.
 pub struct SceneBuffers {
@@ -140,8 +150,7 @@ fn material(m: &compile::Material) -> layout::Material {
     layout::Material {
         base_color: m.base_color.into(),
         emission: m.emission.into(),
-        // Scenes with other models are refused before.
-        model: MODELS.iter().position(|known| *known == m.model).unwrap_or(0) as u32,
+        model: number(m.model),
         roughness: m.roughness,
         metallic: m.metallic,
         opacity: m.opacity,
@@ -173,6 +182,13 @@ fn material(m: &compile::Material) -> layout::Material {
         tiling_scale: m.tiling.scale,
         tiling_offset: m.tiling.offset.into(),
         emitter_reflects: m.emitter_reflects.into(),
+        specular: m.interface.specular.into(),
+        eta: m.interface.eta.into(),
+        k: m.interface.k.into(),
+        distribution: m.interface.distribution as u32,
+        thin: m.interface.thin.into(),
+        nonlinear: m.interface.nonlinear.into(),
+        internal_reflectance: m.interface.internal_reflectance,
     }
 }
 

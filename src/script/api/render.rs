@@ -316,6 +316,7 @@ pub fn cell(map: &BTreeMap<String, Value>, folder: &Path, path: &str) -> Result<
         sampler: text(&common, "sampler").unwrap_or_else(|| SAMPLER_NAMES[0].to_owned()),
         accel: common.get("accel").and_then(Value::as_map).map(AccelSpec::from_map).unwrap_or_default(),
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
+        fallback: None,
     })
 }
 

@@ -3,5 +3,5 @@
 pub mod filter;
 pub mod lens;
 
-pub use filter::{FILTER_NAMES, FilterKind, FilterSpec};
+pub use filter::{FILTER_NAMES, FILTERS, FilterKind, FilterSpec};
 pub use lens::{Camera, CameraConnection};

@@ -17,7 +17,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bpt",
     long_name: "backward path tracing",
-    revision: 2,
+    revision: 3,
     doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
     params: Table { name: "BptParams", doc: "Parameters of `bpt`: none.", fields: &[] },
     splats: false,

@@ -59,6 +59,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
+        fallback: None,
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3, Vec4};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture, UvMap};
+use lumbre::scene::compile::{Distribution, Interface, MaskMode, Material, Model, NONE, Texture, UvMap};
 use lumbre::transport::bsdf::{Bsdf, Mode};
 use lumbre::transport::ray::{Hit, Ray};
 use lumbre::transport::surface::{Surface, coverage, is_masked_out};
@@ -15,7 +15,7 @@ use crate::common::{SceneBuilder, WHITE, job};
 use crate::device::parity::{Near, Row, Twin};
 
 /// Triangles, then spheres.
-const TRIANGLES: u32 = 240;
+const TRIANGLES: u32 = 480;
 const SPHERES: u32 = 24;
 
 /// A texture or none.
@@ -25,13 +25,19 @@ fn maybe(d: &mut Dice, texture: u32) -> u32 {
 
 /// A material with parameters from all over their ranges, corners above all.
 fn material(d: &mut Dice, textures: u32) -> Material {
-    let ideal = d.word().is_multiple_of(5);
+    let model = match d.word() % 10 {
+        0 | 1 => Model::Lambert,
+        2 => Model::Conductor,
+        3 => Model::Plastic,
+        4 => Model::Dielectric,
+        _ => Model::Disney,
+    };
     let texture = |d: &mut Dice| {
         let index = d.word() % textures;
         maybe(d, index)
     };
     Material {
-        model: if ideal { Model::Lambert } else { Model::Disney },
+        model,
         base_color: Vec3::from_array(std::array::from_fn(|_| d.part())),
         emission: if d.word().is_multiple_of(4) { Vec3::new(1.0, 2.0, 3.0) } else { Vec3::ZERO },
         roughness: [d.part(), d.between(0.0, 0.1)][d.word() as usize % 2],
@@ -62,7 +68,23 @@ fn material(d: &mut Dice, textures: u32) -> Material {
             scale: [1.0, 3.5, -2.0][d.word() as usize % 3],
             offset: Vec2::new(d.between(-2.0, 2.0), d.between(-2.0, 2.0)),
         },
+        interface: interface(d),
         ..WHITE
+    }
+}
+
+/// What single interfaces are made of, metals of no index among them.
+fn interface(d: &mut Dice) -> Interface {
+    let mut three = |most: f32| Vec3::from_array(std::array::from_fn(|_| most * d.part()));
+    let (specular, eta, k) = (three(1.0), three(3.0), three(6.0));
+    Interface {
+        specular,
+        eta,
+        k,
+        distribution: Distribution::ALL[d.word() as usize % 2],
+        thin: d.word().is_multiple_of(4),
+        nonlinear: d.word().is_multiple_of(2),
+        internal_reflectance: d.part(),
     }
 }
 
@@ -130,7 +152,7 @@ fn take_hit(row: &mut Row) -> (Ray, Hit, Vec3) {
 /// others hardly meet a narrow lobe.
 fn scattering() -> Vec<u32> {
     let (scene, _) = zoo();
-    Dice::rows(6000, |d, i| {
+    Dice::rows(9000, |d, i| {
         let start = d.words.len();
         put_hit(&scene, d);
         let mode = d.word() % 2;

@@ -26,7 +26,7 @@ use subpath::Subpaths;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bdpt",
     long_name: "bidirectional path tracing",
-    revision: 4,
+    revision: 5,
     doc: "Paths from the camera and from the lights are joined in every way, weighted so that each finds what it finds \
           best [Veach 1997, ch. 10].",
     params: Table {

@@ -1,0 +1,96 @@
+// Twin of src/transport/bsdf/glass.rs.
+#ifndef TRANSPORT_BSDF_GLASS_GLSL
+#define TRANSPORT_BSDF_GLASS_GLSL
+
+#include "transport/bsdf/dielectric.glsl"
+#include "transport/bsdf/facets.glsl"
+#include "transport/bsdf/fresnel.glsl"
+#include "transport/bsdf/lobe.glsl"
+
+// Glass at a point; fields as in Rust.
+struct Glass {
+    vec3 base_color;
+    vec3 specular;
+    float ior;
+    bool thin;
+    Facets facets;
+};
+
+vec3 glass_tint(Glass g) {
+    return sqrt(g.base_color);
+}
+
+// Whether directions have a density.
+bool glass_has_density(Glass g) {
+    return g.facets.present && !g.thin;
+}
+
+// The direction refracted at `h`, as a unit vector also near the normal, if there is one.
+bool refracted(vec3 o, vec3 h, float eta, out vec3 wi) {
+    vec3 along = (h * dot(o, h) - o) / eta;
+    float cos2_t = 1.0 - length_squared(along);
+    wi = along - h * sqrt(max(cos2_t, 0.0));
+    return cos2_t > 0.0;
+}
+
+// Value and density of `i` given `o`, for `o` on the upper side; `eta` is the index of the lower side relative to it.
+vec3 glass_density(Glass g, vec3 o, vec3 i, float eta, uint mode, out float pdf_w) {
+    pdf_w = 0.0;
+    if (!glass_has_density(g) || o.z <= 0.0 || i.z == 0.0) {
+        return vec3(0.0);
+    }
+    if (i.z > 0.0) {
+        vec3 h = normalize_or(o + i, vec3(0.0, 0.0, 1.0));
+        float r = fresnel_dielectric(max(dot(o, h), 0.0), eta).reflectance;
+        pdf_w = 0.25 * r * facets_pdf_over_dot(g.facets, o, h);
+        return g.specular * (pdf_w * facets_masking_over_cos(g.facets, i));
+    }
+    vec3 h = normalize_or(o + i * eta, vec3(0.0, 0.0, 1.0));
+    h = h.z < 0.0 ? -h : h;
+    float dot_o = dot(o, h), dot_i = dot(i, h);
+    if (dot_o <= 0.0 || dot_i >= 0.0) {
+        return vec3(0.0);
+    }
+    float passes = 1.0 - fresnel_dielectric(dot_o, eta).reflectance;
+    float bend = dot_o + eta * dot_i;
+    float joint = passes * facets_pdf_over_dot(g.facets, o, h) * dot_o * -dot_i / (bend * bend);
+    float scale = mode == RADIANCE ? 1.0 : eta * eta;
+    pdf_w = joint * eta * eta;
+    return glass_tint(g) * (joint * facets_masking_over_cos(g.facets, vec3(i.xy, -i.z)) * scale);
+}
+
+// Reflected by either face of a pane, or let through it.
+Local glass_through_pane(Glass g, vec3 o, float u) {
+    float once = fresnel_dielectric(o.z, max(g.ior, 1.0 / g.ior)).reflectance;
+    float r = 2.0 * once / (1.0 + once);
+    if (u < r) {
+        return Local(LobeSample(vec3(-o.xy, o.z), g.specular, 1.0), r, true);
+    }
+    return Local(LobeSample(-o, glass_tint(g), 1.0), 1.0 - r, true);
+}
+
+// A direction for `o` on the upper side.
+bool glass_sample(Glass g, vec3 o, float eta, float u, vec2 v, uint mode, out Local s) {
+    if (g.thin) {
+        s = glass_through_pane(g, o, u);
+        return true;
+    }
+    if (!g.facets.present) {
+        s.delta = true;
+        bool found = dielectric_sample(g.base_color, eta, o, u, mode, s.lobe, s.pdf_w);
+        if (s.lobe.eta == 1.0) {
+            s.lobe.weight *= g.specular;
+        }
+        return found;
+    }
+    vec3 h = facets_sample(g.facets, o, v);
+    bool reflects = u < fresnel_dielectric(max(dot(o, h), 0.0), eta).reflectance;
+    vec3 wi = mirrored(o, h);
+    bool found = reflects || refracted(o, h, eta, wi);
+    float pdf_w;
+    vec3 f = glass_density(g, o, wi, eta, mode, pdf_w);
+    s = Local(LobeSample(wi, f * (abs(wi.z) / pdf_w), reflects ? 1.0 : eta), pdf_w, false);
+    return found && (wi.z > 0.0) == reflects && pdf_w > 0.0 && is_finite(s.lobe.weight);
+}
+
+#endif

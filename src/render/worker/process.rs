@@ -1,0 +1,148 @@
+//! One worker: a child process, the pipes to it, and what becomes of it.
+
+use std::collections::VecDeque;
+use std::io::{self, BufRead, BufReader, BufWriter};
+use std::path::PathBuf;
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+
+use super::frame;
+use super::message::{Reply, Request};
+
+/// How a worker is started: a program and its arguments.
+#[derive(Clone, Debug)]
+pub struct Launcher {
+    /// The program.
+    pub program: PathBuf,
+    /// Its arguments.
+    pub arguments: Vec<String>,
+}
+
+/// Lines of a worker that are kept, to be told when it dies.
+const LAST_WORDS: usize = 3;
+
+/// A worker that runs, or has died.
+#[derive(Debug)]
+pub struct Process {
+    child: Child,
+    requests: BufWriter<ChildStdin>,
+    replies: BufReader<ChildStdout>,
+    last_words: Arc<Mutex<VecDeque<String>>>,
+    /// The hash of the scene that it keeps.
+    pub(super) scene: [u8; 32],
+    /// The next run's number.
+    pub(super) runs: u64,
+    /// How it ended, once it has.
+    dead: Option<String>,
+}
+
+impl Process {
+    /// Starts a worker and waits for its first word.
+    ///
+    /// # Errors
+    /// When it does not start, dies at once, or is of another version.
+    pub fn start(launcher: &Launcher) -> Result<Process, String> {
+        let mut command = Command::new(&launcher.program);
+        command.args(&launcher.arguments);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // A Ctrl-C in the terminal is for this program, which ends the wave and keeps what is there.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let failed = |e: io::Error| format!("no worker process: {} does not start: {e}", launcher.program.display());
+        let mut child = command.spawn().map_err(failed)?;
+        let (Some(requests), Some(replies), Some(talk)) =
+            (child.stdin.take(), child.stdout.take(), child.stderr.take())
+        else {
+            return Err("no worker process: it has no pipes".to_owned());
+        };
+        let last_words = Arc::default();
+        listen(talk, Arc::clone(&last_words)).map_err(failed)?;
+        let (requests, replies) = (BufWriter::new(requests), BufReader::with_capacity(1 << 16, replies));
+        let mut process = Process { child, requests, replies, last_words, scene: [0; 32], runs: 0, dead: None };
+        match process.hear()? {
+            Reply::Ready(version) if version == super::VERSION => Ok(process),
+            Reply::Ready(version) => {
+                let ours = super::VERSION;
+                Err(process.end(&format!("it is version {version} of this program, which is {ours}; start it again")))
+            }
+            _ => Err(process.end("its first word is not what it should be")),
+        }
+    }
+
+    /// Its process id.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Whether it has died.
+    pub fn is_dead(&self) -> bool {
+        self.dead.is_some()
+    }
+
+    /// Asks it something and waits for the answer.
+    ///
+    /// # Errors
+    /// When it has died or makes no sense, in words; it is then gone for good.
+    pub fn ask(&mut self, request: &Request) -> Result<Reply, String> {
+        self.tell(request)?;
+        self.hear()
+    }
+
+    /// Tells it something that has no answer.
+    ///
+    /// # Errors
+    /// As [`Process::ask`].
+    pub fn tell(&mut self, request: &Request) -> Result<(), String> {
+        if let Some(how) = &self.dead {
+            return Err(how.clone());
+        }
+        frame::write(&mut self.requests, &request.encode()).map_err(|e| self.end(&format!("it does not listen: {e}")))
+    }
+
+    fn hear(&mut self) -> Result<Reply, String> {
+        let message = match frame::read(&mut self.replies) {
+            Ok(Some(message)) => message,
+            Ok(None) => return Err(self.end("it ended")),
+            Err(e) => return Err(self.end(&format!("its answer broke off: {e}"))),
+        };
+        Reply::decode(&message).map_err(|e| self.end(&e.to_string()))
+    }
+
+    /// Ends it, if it has not, and says what there is to say.
+    pub fn end(&mut self, why: &str) -> String {
+        if let Some(how) = &self.dead {
+            return how.clone();
+        }
+        // It may have ended by itself, which its status tells; one that hangs tells nothing.
+        let by_itself = self.child.try_wait().ok().flatten();
+        let _ = self.child.kill();
+        let status = self.child.wait().map_or_else(|e| e.to_string(), |status| status.to_string());
+        let status = if by_itself.is_some() { format!(", {status}") } else { String::new() };
+        let words = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
+        let said = words.iter().map(String::as_str).collect::<Vec<_>>().join("; ");
+        let said = if said.is_empty() { said } else { format!(" (it said: {said})") };
+        self.dead.insert(format!("the worker process was lost: {why}{status}{said}")).clone()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.end("it is no longer needed");
+    }
+}
+
+/// Hands what a worker says on to the log, and keeps the end of it.
+fn listen(talk: ChildStderr, last: Arc<Mutex<VecDeque<String>>>) -> io::Result<()> {
+    let work = move || {
+        for line in BufReader::new(talk).lines().map_while(Result::ok).filter(|line| !line.is_empty()) {
+            tracing::warn!("worker: {}", line.strip_prefix("warning: ").unwrap_or(&line));
+            let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+            if last.len() == LAST_WORDS {
+                last.pop_front();
+            }
+            last.push_back(line);
+        }
+    };
+    thread::Builder::new().name("worker-log".to_owned()).spawn(work).map(drop)
+}

@@ -1,0 +1,104 @@
+//! The worker's side: runs are opened, rendered and closed as the pipe says, until it ends.
+
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::io::{self, Read, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use super::frame;
+use super::message::{Reply, Request};
+use super::wire::Blob;
+use crate::render::{Job, RenderError, Renderer};
+use crate::scene::CompiledScene;
+
+/// Opens a run of a backend in this process.
+pub type Open<'a> = &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
+
+/// What a worker has in hand.
+struct Bench<'a> {
+    open: Open<'a>,
+    scene: Option<Arc<CompiledScene>>,
+    runs: BTreeMap<u64, Box<dyn Renderer>>,
+}
+
+/// Works until the requests end, or a device is lost, and with it this process.
+///
+/// # Errors
+/// When a pipe fails or brings what makes no sense.
+pub fn serve(mut requests: impl Read, mut replies: impl Write, open: Open<'_>) -> io::Result<()> {
+    frame::write(&mut replies, &Reply::Ready(super::VERSION.to_owned()).encode())?;
+    let mut bench = Bench { open, scene: None, runs: BTreeMap::new() };
+    while let Some(message) = frame::read(&mut requests)? {
+        let request = Request::decode(&message).map_err(io::Error::other)?;
+        drop(message);
+        let guarded = catch_unwind(AssertUnwindSafe(|| bench.carry_out(request)));
+        let reply = match guarded {
+            Ok(Ok(reply)) => reply,
+            Ok(Err(error)) => Some(Reply::Failed(error)),
+            Err(payload) => {
+                let reason = format!("panic in the worker process: {}", text_of(&*payload));
+                Some(Reply::Failed(RenderError::Failed { backend: "worker", reason }))
+            }
+        };
+        if let Some(reply) = reply {
+            frame::write(&mut replies, &reply.encode())?;
+            if let Reply::Failed(RenderError::Lost { .. }) = reply {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn text_of(payload: &(dyn Any + Send)) -> &str {
+    let text = payload.downcast_ref::<&'static str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no reason given")
+}
+
+impl Bench<'_> {
+    fn run(&mut self, run: u64) -> Result<&mut Box<dyn Renderer>, RenderError> {
+        let unknown = || RenderError::Failed { backend: "worker", reason: format!("there is no run {run}") };
+        self.runs.get_mut(&run).ok_or_else(unknown)
+    }
+
+    fn carry_out(&mut self, request: Request) -> Result<Option<Reply>, RenderError> {
+        Ok(Some(match request {
+            Request::Scene(scene) => {
+                // Two large scenes need not fit into memory at once.
+                self.scene = Some(scene);
+                return Ok(None);
+            }
+            Request::Open(run, backend, job) => {
+                let none = || RenderError::Failed { backend: "worker", reason: "there is no scene".to_owned() };
+                let scene = self.scene.clone().ok_or_else(none)?;
+                let renderer = (self.open)(&backend, scene, job)?;
+                let stats = renderer.open_stats().clone();
+                self.runs.insert(run, renderer);
+                Reply::Opened(stats)
+            }
+            Request::Advance(run, samples) => {
+                let renderer = self.run(run)?;
+                let stats = renderer.advance(samples)?;
+                Reply::Advanced(stats, renderer.film().clone())
+            }
+            Request::Layer(run, index) => Reply::Layer(self.run(run)?.layer(index)?),
+            Request::Save(run) => {
+                let mut state = Vec::new();
+                match self.run(run)?.save(&mut state) {
+                    Ok(saved) => Reply::Saved(saved.then_some(Blob(state))),
+                    Err(problem) => Reply::Unsaved(problem.to_string()),
+                }
+            }
+            Request::Restore(run, Blob(state)) => {
+                let renderer = self.run(run)?;
+                renderer.restore(&state)?;
+                Reply::Restored(renderer.film().clone())
+            }
+            Request::Close(run) => {
+                self.runs.remove(&run);
+                return Ok(None);
+            }
+        }))
+    }
+}

@@ -1,0 +1,212 @@
+//! What of the program's own types goes through the pipe.
+
+use std::collections::BTreeMap;
+
+use super::wire::{Garbled, Reader, Wire, structs, words};
+use crate::film::Film;
+use crate::film::layer::{LAYERS, Layer};
+use crate::render::hierarchy::AccelSpec;
+use crate::render::{BACKENDS, Job, OpenStats, RenderError, WaveStats};
+use crate::scene::CompiledScene;
+use crate::scene::compile::{
+    DirectionalLight, Distribution, Emitter, Environment, Instance, Instances, Interface, MaskMode, Material, Model,
+    PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap,
+};
+use crate::scene::desc::{CameraDesc, Optics};
+use crate::transport::camera::{FILTERS, FilterKind, FilterSpec};
+use crate::transport::integrator::integrator;
+use crate::transport::sampler::sampler;
+use crate::value::Value;
+
+structs! {
+    TriangleAttributes { normals, uvs, material, emitter }
+    Sphere { center, radius, material, emitter }
+    Material {
+        base_color, emission, model, roughness, metallic, opacity, ior, subsurface, specular_tint, anisotropic,
+        anisotropic_direction, sheen, sheen_tint, clearcoat, clearcoat_gloss, smooth_below, normal_strength,
+        mask_threshold, mask_mode, shadow_terminator, base_color_texture, emission_texture, mask_texture,
+        roughness_texture, metallic_texture, opacity_texture, anisotropic_texture, normal_texture, tiling,
+        emitter_reflects, interface,
+    }
+    Interface { specular, eta, k, distribution, thin, nonlinear, internal_reflectance }
+    Emitter { primitive, instance, area }
+    Instances { meshes, places, materials }
+    Instance { mesh, to_world, normal_to_world, materials, emitters, first }
+    PointLight { position, intensity }
+    DirectionalLight { direction, irradiance }
+    Environment { map, radiance, rotation_rad }
+    Texture { width, height, texels }
+    UvMap { scale, offset }
+    CameraDesc { position, target, up, fov_deg, aperture, focus_distance, optics }
+    Optics { f_number, focal_length, sensor_height }
+    FilterSpec { kind, radius }
+    WaveStats { samples, render_s, device_s, paths, rays, invalid, first_invalid }
+    OpenStats { upload_s, pipeline_s, accel_build_s, accel_nodes, accel_bytes, accel_cost, device }
+}
+
+words! {
+    Model: Model::ALL,
+    Distribution: Distribution::ALL,
+    MaskMode: MaskMode::ALL,
+    FilterKind: FILTERS.map(|(kind, _)| kind),
+    Layer: LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>(),
+}
+
+impl Wire for CompiledScene {
+    fn put(&self, to: &mut Vec<u8>) {
+        // Delays change no picture, and [`Pool::open`](super::Pool::open) has refused composed materials.
+        let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays: _, .. } = self;
+        let CompiledScene { instances, textures, emitters, points, directionals, environment, camera, .. } = self;
+        let CompiledScene { bounds, resolution, max_depth, .. } = self;
+        content_hash.put(to);
+        triangles.put(to);
+        attributes.put(to);
+        tangents.put(to);
+        instances.put(to);
+        spheres.put(to);
+        materials.put(to);
+        textures.put(to);
+        emitters.put(to);
+        points.put(to);
+        directionals.put(to);
+        environment.put(to);
+        camera.put(to);
+        bounds.put(to);
+        resolution.put(to);
+        max_depth.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<CompiledScene, Garbled> {
+        Ok(CompiledScene {
+            content_hash: Wire::take(from)?,
+            triangles: Wire::take(from)?,
+            attributes: Wire::take(from)?,
+            tangents: Wire::take(from)?,
+            instances: Wire::take(from)?,
+            spheres: Wire::take(from)?,
+            materials: Wire::take(from)?,
+            delays: Default::default(),
+            textures: Wire::take(from)?,
+            emitters: Wire::take(from)?,
+            points: Wire::take(from)?,
+            directionals: Wire::take(from)?,
+            environment: Wire::take(from)?,
+            camera: Wire::take(from)?,
+            bounds: Wire::take(from)?,
+            resolution: Wire::take(from)?,
+            max_depth: Wire::take(from)?,
+        })
+    }
+}
+
+impl Wire for SharedMesh {
+    fn put(&self, to: &mut Vec<u8>) {
+        let SharedMesh { triangles, shining } = self;
+        [triangles.start, triangles.end].put(to);
+        shining.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<SharedMesh, Garbled> {
+        let [start, end] = Wire::take(from)?;
+        Ok(SharedMesh { triangles: start..end, shining: Wire::take(from)? })
+    }
+}
+
+impl Wire for Film {
+    fn put(&self, to: &mut Vec<u8>) {
+        let Film { width, height, samples, sum, sum2 } = self;
+        [*width, *height].put(to);
+        samples.put(to);
+        for sums in [sum, sum2] {
+            to.extend_from_slice(bytemuck::cast_slice(sums));
+        }
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<Film, Garbled> {
+        let [width, height] = Wire::take(from)?;
+        let samples = Wire::take(from)?;
+        let bytes = u64::from(width).checked_mul(u64::from(height)).and_then(|n| n.checked_mul(24)).ok_or(Garbled)?;
+        let bytes = usize::try_from(bytes).map_err(|_| Garbled)?;
+        let [sum, sum2] = [from.take(bytes)?, from.take(bytes)?];
+        let copied = |sums: &[u8]| {
+            let mut rows = vec![[0.0f64; 3]; bytes / 24];
+            bytemuck::cast_slice_mut::<_, u8>(&mut rows).copy_from_slice(sums);
+            rows
+        };
+        Ok(Film { width, height, samples, sum: copied(sum), sum2: copied(sum2) })
+    }
+}
+
+impl Wire for BTreeMap<String, Value> {
+    fn put(&self, to: &mut Vec<u8>) {
+        Value::Map(self.clone()).to_json().to_string().put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<BTreeMap<String, Value>, Garbled> {
+        let json = serde_json::from_str(&String::take(from)?).map_err(|_| Garbled)?;
+        match Value::from_json(&json) {
+            Value::Map(map) => Ok(map),
+            _ => Err(Garbled),
+        }
+    }
+}
+
+impl Wire for Job {
+    fn put(&self, to: &mut Vec<u8>) {
+        // [`Pool::open`](super::Pool::open) has refused a time axis, and a device builds its hierarchy as it likes.
+        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing: _, accel: _, .. } = self;
+        let Job { sampler, seed, threads, .. } = self;
+        integrator.name.to_owned().put(to);
+        params.put(to);
+        resolution.put(to);
+        max_depth.put(to);
+        rr_start.put(to);
+        filter.put(to);
+        layers.put(to);
+        sampler.name.to_owned().put(to);
+        seed.put(to);
+        threads.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<Job, Garbled> {
+        Ok(Job {
+            integrator: integrator(&String::take(from)?).ok_or(Garbled)?,
+            params: Wire::take(from)?,
+            resolution: Wire::take(from)?,
+            max_depth: Wire::take(from)?,
+            rr_start: Wire::take(from)?,
+            filter: Wire::take(from)?,
+            layers: Wire::take(from)?,
+            timing: None,
+            accel: AccelSpec::default(),
+            sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
+            seed: Wire::take(from)?,
+            threads: Wire::take(from)?,
+        })
+    }
+}
+
+impl Wire for RenderError {
+    fn put(&self, to: &mut Vec<u8>) {
+        let (kind, backend, reason) = match self {
+            RenderError::Unsupported { backend, reason } => (0u8, backend, reason),
+            RenderError::Failed { backend, reason } => (1, backend, reason),
+            RenderError::Lost { backend, reason } => (2, backend, reason),
+        };
+        kind.put(to);
+        (*backend).to_owned().put(to);
+        reason.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<RenderError, Garbled> {
+        let kind = u8::take(from)?;
+        let (name, reason) = (String::take(from)?, String::take(from)?);
+        let backend = BACKENDS.iter().find(|row| row.name == name).map_or("worker", |row| row.name);
+        match kind {
+            0 => Ok(RenderError::Unsupported { backend, reason }),
+            1 => Ok(RenderError::Failed { backend, reason }),
+            2 => Ok(RenderError::Lost { backend, reason }),
+            _ => Err(Garbled),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Workers of devices that are killed at random instants: the night goes on, and leaves the same pictures.
+#![cfg(target_os = "linux")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use lumbre::film::Image;
+use lumbre::math::rng::{pcg4d, unit};
+
+use super::harness;
+
+const SCENE: &str = r#"{
+    "resolution": [32, 20], "maxdepth": 4,
+    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
+    "materials": [
+        { "name": "grey", "color": [0.5, 0.5, 0.5] },
+        { "name": "lamp", "emission": [2, 2, 2] }
+    ],
+    "entities": [
+        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
+        { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
+    ]
+}"#;
+
+/// Two cells of a second or so each, with a checkpoint many times a second.
+const SCRIPT: &str = r#"
+local x = experiment("frail", { seed = 7 })
+x:axis("technique", { "bpt", "nee" })
+x:checkpoint(0.05)
+x:render(function(p) return { scene = "ball.scn", integrator = p.technique, backend = "vulkan-compute", films = { "depth" } } end)
+x:stop(function(p) return stop.samples(600) end)
+return x
+"#;
+
+/// Starts the night in a folder.
+fn start(place: &Path) -> Child {
+    std::fs::write(place.join("ball.scn"), SCENE).unwrap();
+    std::fs::write(place.join("night.lua"), SCRIPT).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
+    command.current_dir(place).args(["run", "night.lua", "--no-tui"]);
+    command.stdout(Stdio::null()).stderr(std::fs::File::create(place.join("said")).unwrap()).spawn().unwrap()
+}
+
+/// The pictures that a night has left, by technique: final, and its films by depth.
+fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
+    let (mut open, mut found) = (vec![place.join("out")], Vec::new());
+    while let Some(folder) = open.pop() {
+        for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+            if path.is_dir() && !path.is_symlink() {
+                open.push(path);
+            } else if path.extension().is_some_and(|e| e == "exr") && !path.to_string_lossy().contains("snap-") {
+                let image = lumbre::output::exr::decode(&std::fs::read(&path).unwrap()).unwrap().0;
+                found.push((path.strip_prefix(place).unwrap().to_owned(), image));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.cmp(&b.0));
+    found
+}
+
+/// The process id of the worker that a process has, if it has one.
+fn worker_of(pid: u32) -> Option<u32> {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).ok()?.flatten();
+    let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+    let children: Vec<u32> =
+        lists.flat_map(|list| list.split_whitespace().filter_map(|pid| pid.parse().ok()).collect::<Vec<_>>()).collect();
+    let works = |pid: &u32| {
+        std::fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.ends_with("worker\0"))
+    };
+    children.into_iter().find(works)
+}
+
+#[test]
+fn a_night_whose_worker_is_killed_at_random_instants_leaves_the_same_pictures() {
+    if harness::device().is_none() {
+        return;
+    }
+    let whole = tempfile::tempdir().unwrap();
+    assert!(start(whole.path()).wait().unwrap().success(), "{:?}", std::fs::read_to_string(whole.path().join("said")));
+    let expected = pictures(whole.path());
+    assert!(expected.len() >= 2 * (1 + 4), "{expected:?}");
+    let frail = tempfile::tempdir().unwrap();
+    let mut night = start(frail.path());
+    let (mut kills, mut pause) = (0, 0u32);
+    let status = loop {
+        if let Some(status) = night.try_wait().unwrap() {
+            break status;
+        }
+        // Bounded, so that no run is lost for good: each is tried four times, and so is the smoke pass.
+        pause += 1;
+        let wait = 0.1 + 0.9 * unit(pcg4d([pause, 3, 1, 4])[0]);
+        std::thread::sleep(Duration::from_secs_f32(wait));
+        if let (Some(worker), true) = (worker_of(night.id()), kills < 3) {
+            kills += u32::from(Command::new("kill").args(["-9", &worker.to_string()]).status().unwrap().success());
+        }
+    };
+    let said = std::fs::read_to_string(frail.path().join("said")).unwrap();
+    assert!(status.success(), "{said}");
+    assert!(kills > 0, "nothing was killed: {said}");
+    println!("{kills} workers killed; {}", said.matches("it is tried again from its newest checkpoint").count());
+    let found = pictures(frail.path());
+    assert_eq!(found.len(), expected.len());
+    for ((path, image), (_, other)) in found.iter().zip(&expected) {
+        assert!(image == other, "{} differs: {said}", path.display());
+    }
+}

@@ -1,0 +1,207 @@
+//! Worker processes, on the mock backend: what goes through the pipe, and what becomes of a worker that dies.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::process::Command;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3, Vec4};
+use lumbre::film::layer::Layer;
+use lumbre::render::cpu::renderer::CpuRenderer;
+use lumbre::render::mock::MockRenderer;
+use lumbre::render::worker::{Launcher, Pool};
+use lumbre::render::{Job, RenderError, Renderer};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture, UvMap};
+use lumbre::transport::camera::{FilterKind, FilterSpec};
+use lumbre::transport::integrator::integrator;
+use lumbre::transport::sampler::SOBOL;
+use lumbre::value::Value;
+
+use common::{SceneBuilder, grey, job, light};
+
+fn scene() -> Arc<CompiledScene> {
+    let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
+    let texture = builder.texture(Texture { width: 1, height: 2, texels: vec![[0.5; 3], [0.1, 0.2, 0.3]] });
+    let sky = Texture { width: 1, height: 1, texels: vec![[1.0, 2.0, 3.0]] };
+    builder
+        .quad(Vec3::NEG_ONE, Vec3::X, Vec3::Y, Material { base_color_texture: texture, ..grey(0.5) })
+        .sphere(Vec3::ONE, 0.5, light(2.0))
+        .point(Vec3::Y, Vec3::ONE)
+        .directional(-Vec3::Y, Vec3::ONE)
+        .environment(Some(sky), Vec3::ONE, 30.0)
+        // What shifts the mock's pattern, and what a worker knows a scene by.
+        .with(|s| s.content_hash = [9; 32])
+        .build()
+}
+
+fn request() -> Job {
+    let params = [("mis".to_owned(), Value::from("balance"))].into();
+    Job { integrator: integrator("nee").unwrap(), params, rr_start: Some(3), ..job([12, 8], 4, 77) }
+}
+
+fn pool() -> Pool {
+    Pool::new(Launcher { program: env!("CARGO_BIN_EXE_lumbre").into(), arguments: vec!["worker".to_owned()] })
+}
+
+fn kill(pid: u32) {
+    assert!(Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success());
+}
+
+fn state(renderer: &dyn Renderer) -> Vec<u8> {
+    let mut state = Vec::new();
+    assert!(renderer.save(&mut state).unwrap());
+    state
+}
+
+#[test]
+fn a_run_in_a_worker_is_the_run_itself() {
+    let mut here = MockRenderer::new(scene(), request());
+    let pool = pool();
+    assert_eq!(pool.worker_id(), None, "nothing is started before it is needed");
+    let mut there = pool.open("mock", &scene(), request()).unwrap();
+    assert_eq!((there.open_stats(), there.film().samples), (here.open_stats(), 0));
+    for samples in [1, 2, 5] {
+        assert_eq!(there.advance(samples).unwrap(), here.advance(samples).unwrap());
+        assert!(there.film() == here.film());
+    }
+    assert_eq!(state(&there), state(&here));
+    // A second run in the same worker, on the scene that it keeps, goes on from there.
+    let worker = pool.worker_id();
+    let mut again = pool.open("mock", &scene(), request()).unwrap();
+    again.restore(&state(&there)).unwrap();
+    assert!(again.film() == there.film());
+    drop(there);
+    again.advance(1).unwrap();
+    here.advance(1).unwrap();
+    assert!(again.film() == here.film());
+    assert_eq!(pool.worker_id(), worker, "one worker for all");
+}
+
+/// One of everything that a scene can have, and a job that asks for all of it.
+fn everything() -> (Arc<CompiledScene>, Job) {
+    let mut builder = SceneBuilder::new(Vec3::new(0.2, 0.5, 3.0), Vec3::ZERO, 50.0);
+    let texels = (0..6).map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4]).collect();
+    let map = builder.texture(Texture { width: 3, height: 2, texels });
+    let disney = Material {
+        model: Model::Disney,
+        metallic: 0.5,
+        roughness: 0.4,
+        anisotropic: 0.6,
+        anisotropic_direction: Vec3::X,
+        sheen: 0.5,
+        clearcoat: 0.5,
+        base_color_texture: map,
+        normal_texture: map,
+        tiling: UvMap { scale: 2.0, offset: Vec2::new(0.25, 0.5) },
+        shadow_terminator: true,
+        ..grey(0.8)
+    };
+    let metal = Interface { distribution: Distribution::Beckmann, eta: Vec3::splat(0.2), ..Interface::PLAIN };
+    let leaf = Material { mask_texture: map, mask_threshold: 0.3, ..grey(0.6) };
+    let cloud = Material { mask_texture: map, mask_mode: MaskMode::Blend, opacity: 0.5, ior: 1.3, ..grey(0.9) };
+    let sky = Texture { width: 2, height: 1, texels: vec![[1.0, 2.0, 3.0], [0.5; 3]] };
+    let scene = builder
+        .quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, disney)
+        .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)
+        .quad(Vec3::new(0.2, -1.0, 0.3), Vec3::X, Vec3::Y, cloud)
+        .quad(Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, light(4.0))
+        .sphere(Vec3::new(0.5, 0.0, -0.5), 0.4, Material { model: Model::Conductor, interface: metal, ..grey(0.9) })
+        .sphere(Vec3::new(-0.6, 0.4, -0.5), 0.2, light(2.0))
+        .point(Vec3::new(0.0, 1.0, 1.0), Vec3::ONE)
+        .directional(Vec3::new(0.3, -1.0, 0.1), Vec3::splat(0.5))
+        .environment(Some(sky), Vec3::splat(0.3), 30.0)
+        .with(|s| {
+            (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(2.5));
+            s.tangents =
+                vec![[Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.6, 0.0, -1.0), Vec4::X]; s.triangles.len()];
+        })
+        .build();
+    let filter = FilterSpec { kind: FilterKind::Gauss, radius: 1.25 };
+    let params = [("mis".to_owned(), Value::from("balance"))].into();
+    let layers = vec![Layer::Depth, Layer::Albedo, Layer::Normal];
+    let integrator = integrator("bdpt").unwrap();
+    (
+        scene,
+        Job { integrator, params, filter, layers, sampler: SOBOL, rr_start: Some(2), ..job([16, 12], 4, 1 << 40 | 9) },
+    )
+}
+
+#[test]
+fn scene_and_job_arrive_as_they_were() {
+    let (scene, job) = everything();
+    let mut here = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
+    let pool = pool();
+    let mut there = pool.open("cpu", &scene, job).unwrap();
+    there.advance(3).unwrap();
+    here.advance(3).unwrap();
+    assert!(here.film().sum.iter().any(|s| s[0] > 0.0));
+    assert!(there.film() == here.film(), "every bit of the picture");
+    assert_eq!(there.layers(), here.layers());
+    for i in 0..here.layers().len() {
+        assert!(there.layer(i).unwrap() == here.layer(i).unwrap(), "{}", here.layers()[i].name());
+    }
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_as_it_would_be_here_and_the_worker_lives_on() {
+    let pool = pool();
+    let wanted = Job { layers: vec![Layer::Depth], ..request() };
+    let error = pool.open("mock", &scene(), wanted).err().unwrap();
+    assert_eq!(error, RenderError::Unsupported { backend: "mock", reason: "it has no layers".to_owned() });
+    let worker = pool.worker_id().unwrap();
+    let mut run = pool.open("mock", &scene(), request()).unwrap();
+    assert!(matches!(run.restore(&[1, 2, 3]), Err(RenderError::Failed { .. })));
+    assert!(run.layer(0).is_err());
+    run.advance(1).unwrap();
+    assert_eq!(pool.worker_id(), Some(worker));
+}
+
+#[test]
+fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
+    let pool = pool();
+    let mut first = pool.open("mock", &scene(), request()).unwrap();
+    let second = pool.open("mock", &scene(), request()).unwrap();
+    first.advance(3).unwrap();
+    let saved = state(&first);
+    let worker = pool.worker_id().unwrap();
+    kill(worker);
+    let error = first.advance(1).unwrap_err();
+    let said = error.to_string();
+    assert!(matches!(error, RenderError::Lost { backend: "mock", .. }), "{error:?}");
+    assert!(said.contains("worker process was lost") && said.contains("signal: 9"), "{said}");
+    assert_eq!(first.film().samples, 3, "what was there is still there");
+    assert!(second.save(&mut Vec::new()).is_err(), "the other run is lost too");
+    assert_eq!(pool.worker_id(), None);
+    let mut third = pool.open("mock", &scene(), request()).unwrap();
+    assert_ne!(pool.worker_id(), Some(worker));
+    third.restore(&saved).unwrap();
+    third.advance(1).unwrap();
+    assert_eq!(third.film().samples, 4);
+}
+
+#[test]
+fn a_worker_ends_with_the_process_that_asked_it() {
+    let pool = pool();
+    let run = pool.open("mock", &scene(), request()).unwrap();
+    let worker = pool.worker_id().unwrap();
+    drop((run, pool));
+    let alive = Command::new("kill").args(["-0", &worker.to_string()]).output().unwrap().status.success();
+    assert!(!alive, "process {worker} is still there");
+}
+
+#[test]
+fn what_is_no_worker_is_said() {
+    let open = |program: &str, arguments: &[&str]| {
+        let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
+        let pool = Pool::new(Launcher { program: program.into(), arguments });
+        pool.open("mock", &scene(), request()).err().unwrap().to_string()
+    };
+    let said = open("/nowhere/lumbre", &[]);
+    assert!(said.contains("/nowhere/lumbre does not start"), "{said}");
+    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["--version"]);
+    assert!(said.contains("its answer broke off"), "{said}");
+    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"]);
+    assert!(said.contains("it ended") && said.contains("unrecognized subcommand"), "{said}");
+}
