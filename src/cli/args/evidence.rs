@@ -1,4 +1,4 @@
-//! What can be typed of pictures, reports and their reproduction.
+//! What can be typed of runs, pictures, reports and their reproduction.
 
 use std::path::{Path, PathBuf};
 
@@ -131,6 +131,16 @@ fn positive_f64(text: &str) -> Result<f64, String> {
 fn positive(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
     number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
+}
+
+/// `lumbre show`.
+#[derive(Args, Debug)]
+pub struct ShowArgs {
+    /// The run's folder, the first digits of its id, or `latest`: the one that started or ended last
+    pub run: String,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `lumbre view`.

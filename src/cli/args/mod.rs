@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ShowArgs, ViewArgs};
 
 use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
@@ -394,16 +394,6 @@ pub struct LsArgs {
     /// Show only the experiment that was run last
     #[arg(long)]
     pub latest: bool,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `lumbre show`.
-#[derive(Args, Debug)]
-pub struct ShowArgs {
-    /// The run's folder, the first digits of its id, or `latest`: the one that started or ended last
-    pub run: String,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
