@@ -1,10 +1,11 @@
 -- The Cornell box and its relatives: the same room and lamp, with something else inside.
 --
--- `inside` chooses: the `blocks` that were measured, a mirror and a glass ball (`spheres`), a ring of `metal` whose
--- caustic is a curve on the floor, or nothing (`empty`). Geometry, paints and light are those of cornell/cornell.scn.
+-- `inside` chooses: the `blocks` that were measured, a mirror and a glass ball (`spheres`), the same two as meshes of
+-- triangles (`balls`), a ring of `metal` whose caustic is a curve on the floor, or nothing (`empty`). Geometry, paints
+-- and light are those of cornell/cornell.scn.
 
 local s = scene { resolution = { 512, 512 }, max_depth = 9 }
-local inside = s:option("inside", { "blocks", "spheres", "metal", "empty" })
+local inside = s:option("inside", { "blocks", "spheres", "balls", "metal", "empty" })
 
 s:view("front", { position = { 0.278, 0.273, -0.8 }, target = { 0.278, 0.273, 0 }, fov = 39.3077 })
 s:view("corner", { position = { 0.05, 0.5, 0.06 }, target = { 0.33, 0.14, 0.36 }, fov = 75 })
@@ -21,11 +22,12 @@ if inside == "blocks" then
   s:material("tall_block", { base_color = white })
   s:import("cornell/short_block.obj")
   s:import("cornell/tall_block.obj")
-elseif inside == "spheres" then
+elseif inside == "spheres" or inside == "balls" then
   s:material("mirror", { base_color = { 0.95, 0.95, 0.95 }, metallic = 1, roughness = 0 })
   s:material("glass", { opacity = 0, roughness = 0, ior = 1.5 })
-  s:add { name = "mirror", shape = shape.sphere { radius = 0.1 }, material = "mirror", at = { 0.4, 0.1, 0.37 } }
-  s:add { name = "glass", shape = shape.sphere { radius = 0.1 }, material = "glass", at = { 0.17, 0.1, 0.19 } }
+  local ball = inside == "spheres" and shape.sphere { radius = 0.1 } or shape.ball { radius = 0.1 }
+  s:add { name = "mirror", shape = ball, material = "mirror", at = { 0.4, 0.1, 0.37 } }
+  s:add { name = "glass", shape = ball, material = "glass", at = { 0.17, 0.1, 0.19 } }
 elseif inside == "metal" then
   s:material("gold", { base_color = { 0.95, 0.73, 0.35 }, metallic = 1, roughness = 0.05 })
   local band = shape.lathe { segments = 256, profile = {

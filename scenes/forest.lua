@@ -47,10 +47,12 @@ end
 s:material("grass", { base_color = { 0.13, 0.25, 0.05 }, roughness = 0.6 })
 s:material("soil", { base_color = { 0.13, 0.09, 0.05 }, roughness = 1 })
 
-local function ground(x, z) return 0.9 * noise(x * 0.08, z * 0.08, 4, 3) + 0.012 * (x * x + z * z) * 0.15 end
+-- More than 250 trees would stand too close: the wood grows with them.
+local grown = math.max(1, math.sqrt(count / 250))
+local function ground(x, z) return 0.9 * noise(x * 0.08, z * 0.08, 4, 3) + 0.012 * math.min(x * x + z * z, 3200) * 0.15 end
 s:add {
   name = "ground",
-  shape = shape.heightfield { size = { 80, 80 }, cells = { 160, 160 }, height = ground },
+  shape = shape.heightfield { size = { 80 * grown, 80 * grown }, cells = { 160, 160 }, height = ground },
   material = "soil",
 }
 
@@ -101,7 +103,7 @@ local kinds = { tree(1), tree(2), tree(3) }
 
 local r = random(11)
 local placed = 0
-for _, at in ipairs(scatter { size = { 44, 44 }, count = 4 * count, seed = 2 }) do
+for _, at in ipairs(scatter { size = { 44 * grown, 44 * grown }, count = 4 * count, seed = 2 }) do
   local x, z = at[1], at[3]
   -- The glade is empty, and so is the way to the camera.
   local clear = (x / 4.5) ^ 2 + ((z - 1) / 5) ^ 2 < 1 or (math.abs(x) < 2.2 and z > 0)

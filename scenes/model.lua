@@ -1,17 +1,19 @@
--- One mesh on a floor under an even sky: for questions about how rays find what they hit.
+-- One mesh under an even sky: for questions about how rays find what they hit.
 --
 -- `model` chooses between the three of the second source's comparison of hierarchies. They are not part of this project:
 -- `folder` names where suzanne.obj, stanford-bunny.obj and stanford-dragon-res2.ply are, as seen from this file or in
 -- full. Without it each is a knot of about as many triangles (a thousand, seventy thousand, two hundred thousand).
+-- `floor` puts it on a floor, whose large box a split by plane does not get over.
 
 local s = scene { resolution = { 512, 384 }, max_depth = 5 }
 local model = s:option("model", { "suzanne", "bunny", "dragon" })
 local folder = s:option("folder", "")
+local floor = s:option("floor", false)
 
 s:camera { position = { 1.1, 1.1, 3.2 }, target = { 0, 0.55, 0 }, fov = 30 }
 s:material("clay", { base_color = { 0.7, 0.6, 0.5 }, roughness = 0.7 })
 s:material("floor", { base_color = { 0.4, 0.4, 0.42 }, roughness = 0.9 })
-s:add { name = "floor", shape = shape.grid { size = { 8, 8 } }, material = "floor" }
+if floor then s:add { name = "floor", shape = shape.grid { size = { 8, 8 } }, material = "floor" } end
 s:environment { color = { 1, 1, 1 } }
 
 -- File, the middle of its foot, its height, and the cells of the knot that stands for it.

@@ -37,14 +37,14 @@ for _, name in ipairs { "sah 14, depth 6", "sah 14, depth 12", "ploc fastest", "
 end
 
 -- An axis with one value is a switch: `folder=...` on the command line replaces it.
-x:axis("folder", { "" })
+x:axis("folder", { "own" })
 x:axis("accel", order)
 x:axis("model", { "suzanne", "bunny", "dragon" })
 
 x:render(function(p)
   return {
     scene = "scenes/model.lua",
-    scene_options = { model = p.model, folder = p.folder },
+    scene_options = { model = p.model, folder = p.folder ~= "own" and p.folder or "" },
     integrator = "bpt",
     accel = accels[p.accel],
     -- Without a hierarchy a picture of the dragon takes a while.

@@ -25,6 +25,7 @@ x:render(function(p)
   return {
     scene = "scenes/" .. p.scene .. ".lua",
     view = view ~= "" and view or nil,
+    scene_options = p.scene == "model" and { floor = true } or nil,
     -- Two lamps that hide their light are found from the lamps' side.
     integrator = p.scene == "veach_lamps" and "bdpt" or "nee",
     max_depth = 8,

@@ -9,6 +9,8 @@ mod compare;
 mod damage;
 #[path = "cli/errors.rs"]
 mod errors;
+#[path = "cli/external.rs"]
+mod external;
 #[path = "cli/kill.rs"]
 mod kill;
 #[path = "cli/nights.rs"]

@@ -1,6 +1,6 @@
-// Twin of src/math/elementary.rs, and of what Rust takes from its standard library and from glam. Vulkan promises sine and cosine to 2^-11 and the
-// arc tangent to 4096 units in the last place, which bends directions by half a milliradian: here they are computed from
-// their series, to a few units in the last place on every device.
+// Twin of src/math/elementary.rs, and of what Rust takes from its standard library and from glam. Vulkan promises sine and
+// cosine to 2^-11 and the arc tangent to 4096 units in the last place, which bends directions by half a milliradian: here
+// they are computed from their series, to a few units in the last place on every device.
 #ifndef MATH_ELEMENTARY_GLSL
 #define MATH_ELEMENTARY_GLSL
 

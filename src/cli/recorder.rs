@@ -179,6 +179,12 @@ impl<'a> Recorder<'a> {
             let name = format!("snap-{}.exr", row.samples);
             patiently(&self.control, &wait, || current.writer.write(&name, &bytes)).map_err(lost)?;
         }
+        if self.plan.measure.captures {
+            let metadata = current.facts.metadata(row.samples);
+            let bytes = png::encode(image, self.plan.measure.display, &metadata).map_err(failed)?;
+            let name = format!("snap-{}.png", row.samples);
+            patiently(&self.control, &wait, || current.writer.write(&name, &bytes)).map_err(lost)?;
+        }
         Ok(())
     }
 

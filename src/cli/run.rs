@@ -91,6 +91,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         deadline,
         only: only_failed.then_some(failed),
         paces: if todo.is_empty() { Paces::default() } else { archived_paces(&global.out) },
+        done: todo.done.clone(),
         begin: None,
     };
     let Ended { night, exit, told } = render_night(script, plan, &store, global, log, &todo, options)?;
@@ -131,16 +132,18 @@ fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) ->
 struct Todo {
     cells: usize,
     references: usize,
+    /// What is there.
+    done: BTreeSet<CellRef>,
 }
 
 impl Todo {
     fn of(plan: &Plan, history: &dyn History) -> Todo {
-        let open = |cell: CellRef| history.done(plan, cell).is_none();
         let rendered = |i: &usize| matches!(plan.references[*i].source, ReferenceSource::Render { .. });
-        Todo {
-            cells: (0..plan.cells.len()).filter(|i| open(CellRef::Cell(*i))).count(),
-            references: (0..plan.references.len()).filter(rendered).filter(|i| open(CellRef::Reference(*i))).count(),
-        }
+        let references: Vec<CellRef> = (0..plan.references.len()).filter(rendered).map(CellRef::Reference).collect();
+        let all = (0..plan.cells.len()).map(CellRef::Cell).chain(references.iter().copied());
+        let done: BTreeSet<CellRef> = all.filter(|cell| history.done(plan, *cell).is_some()).collect();
+        let finished = done.iter().filter(|cell| matches!(cell, CellRef::Reference(_))).count();
+        Todo { cells: plan.cells.len() + finished - done.len(), references: references.len() - finished, done }
     }
 
     fn is_empty(&self) -> bool {
@@ -149,7 +152,8 @@ impl Todo {
 
     fn nothing(&self, plan: &Plan, folder: &Path) -> String {
         if plan.cells.is_empty() {
-            return "nothing to do: every point of the sweep is skipped".to_owned();
+            let absent = plan.absent().into_iter().map(|(reason, _)| format!("; {reason}")).collect::<String>();
+            return format!("nothing to do: every point of the sweep is skipped{absent}");
         }
         format!(
             "nothing to do: all {} and {} were done in {}",
@@ -262,7 +266,7 @@ fn say_backends(plan: &Plan) {
     });
     let names: BTreeSet<&String> = plan.cells.iter().map(|c| &c.config.backend).chain(rendered).collect();
     let (auto, because) = render::automatic();
-    for name in names {
+    for name in names.into_iter().filter(|name| *name != render::external::BACKEND) {
         let device = render::backend(name).map(|row| (row.probe)());
         let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
         let why = if auto == name.as_str() { format!("; what auto means here: {because}") } else { String::new() };

@@ -53,6 +53,11 @@ impl WaveRow {
     pub fn mpaths_per_s(&self) -> f64 {
         if self.render_s > 0.0 { self.paths as f64 / self.render_s / 1e6 } else { 0.0 }
     }
+
+    /// Frames per second of render time, a frame being one sample of every pixel; zero before the first wave.
+    pub fn fps(&self) -> f64 {
+        if self.render_s > 0.0 { self.samples as f64 / self.render_s } else { 0.0 }
+    }
 }
 
 /// How a cell ended.

@@ -87,6 +87,8 @@ pub struct Run {
     pub resolution: Option<[u32; 2]>,
     /// The device that rendered it, if it is finished.
     pub device: Option<String>,
+    /// The other program that rendered it, with its version, if another did.
+    pub peer: Option<String>,
     /// How far it is.
     pub state: State,
     /// Its measurements, oldest first.

@@ -160,8 +160,10 @@ pub struct Measure {
     pub every_s: f64,
     /// The metrics, in the order of their columns.
     pub metrics: Vec<MetricSpec>,
-    /// Which snapshots are kept as EXR and PNG besides the final picture.
+    /// Which snapshots are kept as EXR besides the final picture.
     pub snapshots: Snapshots,
+    /// Whether every measurement also keeps the picture as PNG.
+    pub captures: bool,
     /// The tone map of PNG files and of the live picture.
     pub display: crate::metrics::tonemap::Tonemap,
 }
@@ -210,6 +212,8 @@ pub enum TableValue {
     RenderS,
     /// Million camera paths per second of render time.
     MpathsPerS,
+    /// Frames per second of render time: samples of every pixel.
+    Fps,
     /// Million rays per second of render time.
     MraysPerS,
     /// Seconds spent building the hierarchy.

@@ -18,6 +18,7 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "BiasOptions", doc: "Options of `bias`.", fields: &[ON] },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| i - r),
+    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, _| pixels::each(image, reference, |i, r| i - r),
         colours: Colours::CoolWarm,
@@ -53,6 +54,7 @@ pub const ERROR_ROW: MetricRow = MetricRow {
     },
     smallest: |spec| block(spec) as u32 + 1,
     eval: standard_error,
+    prepare: None,
     map: None,
     noise: Noise::AddsSquared,
     settle: None,

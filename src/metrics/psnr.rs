@@ -20,6 +20,7 @@ pub const ROW: MetricRow = MetricRow {
         let mse = pixels::mean(image, reference, |i, r| (i - r) * (i - r));
         10.0 * (range * range / mse).log10()
     },
+    prepare: None,
     map: None,
     noise: Noise::Decibels,
     settle: None,

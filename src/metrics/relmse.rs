@@ -34,6 +34,7 @@ pub const ROW: MetricRow = MetricRow {
         let eps = spec.number("eps");
         pixels::mean(image, reference, |i, r| (i - r) * (i - r) / (r * r + eps))
     },
+    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, spec| {
             let eps = spec.number("eps");

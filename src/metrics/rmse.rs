@@ -17,6 +17,7 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "RmseOptions", doc: "Options of `rmse`.", fields: &[ON] },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)).sqrt(),
+    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, _| {
             let squares = pixels::each(image, reference, |i, r| (i - r) * (i - r));

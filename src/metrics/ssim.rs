@@ -45,6 +45,7 @@ pub const ROW: MetricRow = MetricRow {
             Windows::uniform(image, reference, range).mean()
         }
     },
+    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, spec| {
             let range = spec.number(RANGE.key);

@@ -17,6 +17,13 @@ pub enum Tonemap {
         /// Stops.
         exposure: f32,
     },
+    /// `clamp(2^exposure * x)^(1/gamma)` per channel, as both sources show their pictures.
+    Gamma {
+        /// Stops.
+        exposure: f32,
+        /// Display gamma.
+        gamma: f32,
+    },
     /// `y = 2^exposure * x; (y / (1 + y))^(1/gamma)` per channel [Reinhard 2002].
     Reinhard {
         /// Stops.
@@ -50,6 +57,14 @@ pub const TONEMAPS: &[(&str, Table)] = &[
             name: "SrgbParams",
             doc: "Multiply by 2^exposure, clamp to 0..1, apply the sRGB transfer curve [IEC 61966-2-1].",
             fields: &[EXPOSURE],
+        },
+    ),
+    (
+        "gamma",
+        Table {
+            name: "GammaParams",
+            doc: "Multiply by 2^exposure, clamp to 0..1, raise to 1 / gamma.",
+            fields: &[EXPOSURE, GAMMA],
         },
     ),
     (
@@ -90,6 +105,7 @@ impl Tonemap {
         };
         Ok(match kind {
             "srgb" => Tonemap::Srgb { exposure: get(EXPOSURE) },
+            "gamma" => Tonemap::Gamma { exposure: get(EXPOSURE), gamma: get(GAMMA) },
             _ => Tonemap::Reinhard { exposure: get(EXPOSURE), gamma: get(GAMMA) },
         })
     }
@@ -104,6 +120,7 @@ impl Tonemap {
     pub fn name(&self) -> &'static str {
         match self {
             Tonemap::Srgb { .. } => "srgb",
+            Tonemap::Gamma { .. } => "gamma",
             Tonemap::Reinhard { .. } => "reinhard",
         }
     }
@@ -111,7 +128,7 @@ impl Tonemap {
     fn params(&self) -> impl Iterator<Item = (&'static str, f32)> {
         let (exposure, gamma) = match *self {
             Tonemap::Srgb { exposure } => (exposure, None),
-            Tonemap::Reinhard { exposure, gamma } => (exposure, Some(gamma)),
+            Tonemap::Gamma { exposure, gamma } | Tonemap::Reinhard { exposure, gamma } => (exposure, Some(gamma)),
         };
         [Some((EXPOSURE.key, exposure)), gamma.map(|g| (GAMMA.key, g))].into_iter().flatten()
     }
@@ -124,6 +141,12 @@ impl Tonemap {
             Tonemap::Srgb { exposure } => {
                 let scale = exposure.exp2();
                 rows.for_each(|row| row.as_flattened_mut().iter_mut().for_each(|x| *x = srgb(*x * scale)));
+            }
+            Tonemap::Gamma { exposure, gamma } => {
+                let (scale, power) = (exposure.exp2(), 1.0 / gamma);
+                rows.for_each(|row| {
+                    row.as_flattened_mut().iter_mut().for_each(|x| *x = (*x * scale).clamp(0.0, 1.0).powf(power));
+                });
             }
             Tonemap::Reinhard { exposure, gamma } => {
                 let (scale, power) = (exposure.exp2(), 1.0 / gamma);
@@ -208,7 +231,9 @@ mod tests {
         assert!((one(srgb, 0.25) - 0.735_357).abs() < 1e-5);
         let reinhard = Tonemap::Reinhard { exposure: 0.0, gamma: 2.0 };
         assert!((one(reinhard, 1.0) - 0.5f32.sqrt()).abs() < 1e-6);
-        for tonemap in [srgb, reinhard] {
+        let gamma = Tonemap::Gamma { exposure: 0.0, gamma: 2.0 };
+        assert!((one(gamma, 0.25) - 0.5).abs() < 1e-6 && one(gamma, 4.0) == 1.0);
+        for tonemap in [srgb, gamma, reinhard] {
             assert_eq!(one(tonemap, -1.0), 0.0);
             assert!((one(tonemap, f32::INFINITY) - 1.0).abs() < 1e-6);
             assert!(one(tonemap, f32::NAN).is_nan());

@@ -48,6 +48,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
             every_s: 0.5,
             metrics: ["rmse", "ssim", "psnr"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap()).to_vec(),
             snapshots: Snapshots::Last,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

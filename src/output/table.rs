@@ -60,6 +60,9 @@ pub enum Entry {
     MoreThan(f64),
 }
 
+/// Labels of a row and of a column.
+type Place = (Vec<String>, Vec<String>);
+
 /// One run's contribution.
 #[derive(Clone, Copy)]
 enum Sample {
@@ -79,7 +82,7 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
     };
     let (row_keys, col_keys) = (distinct(&spec.rows), distinct(&spec.cols));
 
-    let mut samples: BTreeMap<(Vec<String>, Vec<String>), Vec<(usize, Sample)>> = BTreeMap::new();
+    let mut samples: BTreeMap<Place, Vec<(usize, Sample)>> = BTreeMap::new();
     let mut finished = 0;
     for result in results {
         let CellRef::Cell(cell) = result.cell else { continue };
@@ -124,6 +127,7 @@ fn sample(plan: &Plan, value: &TableValue, result: &CellResult) -> Option<Sample
         TableValue::Samples => Sample::Value(last.samples as f64),
         TableValue::RenderS => Sample::Value(last.render_s),
         TableValue::MpathsPerS => Sample::Value(last.mpaths_per_s()),
+        TableValue::Fps => Sample::Value(last.fps()),
         TableValue::MraysPerS if last.render_s > 0.0 => Sample::Value(last.rays as f64 / last.render_s / 1e6),
         TableValue::MraysPerS => return None,
         TableValue::AccelBuildS => Sample::Value(known(open.accel_build_s)?),
@@ -169,6 +173,7 @@ fn short_name(plan: &Plan, value: &TableValue) -> String {
         TableValue::Samples => "samples per pixel".to_owned(),
         TableValue::RenderS => "render time (s)".to_owned(),
         TableValue::MpathsPerS => "Mpaths/s".to_owned(),
+        TableValue::Fps => "FPS (1/s)".to_owned(),
         TableValue::MraysPerS => "Mrays/s".to_owned(),
         TableValue::AccelBuildS => "build (s)".to_owned(),
         TableValue::AccelNodes => "nodes".to_owned(),
@@ -200,6 +205,7 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
         TableValue::Samples => "Samples per pixel at the end".to_owned(),
         TableValue::RenderS => "Render time at the end in seconds".to_owned(),
         TableValue::MpathsPerS => "Million camera paths per second of render time".to_owned(),
+        TableValue::Fps => "Frames per second of render time (a frame is one sample of every pixel)".to_owned(),
         TableValue::MraysPerS => "Million rays per second of render time".to_owned(),
         TableValue::AccelBuildS => "Seconds spent building the hierarchy".to_owned(),
         TableValue::AccelNodes => "Nodes of the hierarchy".to_owned(),
@@ -233,6 +239,10 @@ fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) 
             n => format!("{n} runs have not finished and are left out."),
         });
     }
+    sentences.extend(plan.absent().iter().map(|(reason, count)| match count {
+        1 => format!("1 point is left out: {reason}."),
+        _ => format!("{count} points are left out: {reason}."),
+    }));
     sentences.extend(long_names(plan, spec));
     sentences.join(" ")
 }
@@ -422,7 +432,11 @@ mod tests {
         assert_eq!(table.rows[0].cells[1], TableCell { entry: Entry::Empty, runs: 0, half: None });
         let markdown = table.to_markdown();
         assert!(markdown.contains("| 5     |            – |          – |"), "{markdown}");
-        assert!(markdown.contains("mean of 2 runs (over repeats).\n6 runs have not finished"), "{markdown}");
+        assert!(
+            markdown.contains("mean of 2 runs (over repeats).\n±: half")
+                && markdown.contains("6 runs have not\nfinished"),
+            "{markdown}"
+        );
         assert_eq!(table.to_csv().lines().nth(2), Some("5,,0,,,0,"));
     }
 
@@ -461,6 +475,10 @@ mod tests {
         assert_eq!(value(TableValue::Samples), Entry::Mean(2.0));
         assert_eq!(value(TableValue::RenderS), Entry::Mean(4.0));
         assert_eq!(value(TableValue::MpathsPerS), Entry::Mean(1.0));
+        let Entry::Mean(fps) = value(TableValue::Fps) else { panic!() };
+        let Entry::Mean(samples) = value(TableValue::Samples) else { panic!() };
+        let Entry::Mean(seconds) = value(TableValue::RenderS) else { panic!() };
+        assert!((fps - samples / seconds).abs() < 1e-9 * fps, "{fps}");
         assert_eq!(value(TableValue::MraysPerS), Entry::Mean(4.0));
         assert_eq!(value(TableValue::AccelBuildS), Entry::Mean(0.25));
         assert_eq!(value(TableValue::AccelNodes), Entry::Mean(100.0));

@@ -8,7 +8,8 @@ use super::scene;
 use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
 use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
-use crate::transport::integrator::INTEGRATORS;
+use crate::transport::integrator::external::EXTERNALS;
+use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 use crate::value::schema::{AUTO, Field, Table, Ty};
 
 /// The tables of options, in the order of the annotations; tables inside them come before them.
@@ -80,10 +81,10 @@ const HEAD: &str = "\
 pub fn lua() -> String {
     let mut out = HEAD.to_owned();
     let mut written = BTreeSet::new();
-    for row in INTEGRATORS {
+    for row in integrators() {
         class(&mut out, &mut written, &row.params, "", &[]);
     }
-    let integrators: Vec<&str> = INTEGRATORS.iter().map(|row| row.params.name).collect();
+    let integrators: Vec<&str> = integrators().map(|row| row.params.name).collect();
     for table in tables() {
         let parents = if table.name == render::RENDER.name { integrators.join(", ") } else { String::new() };
         let more = if table.name == measure::MEASURE.name { &["---@field [string] Metric"] as &[_] } else { &[] };
@@ -123,6 +124,11 @@ fn render_changes(out: &mut String, integrators: &[&str]) {
         line(out, format_args!("---{}", field_line(&Field { required: false, default: "the cell's", ..*field })));
     }
     out.push('\n');
+}
+
+/// Every technique, other programs' last.
+fn integrators() -> impl Iterator<Item = &'static IntegratorRow> {
+    INTEGRATORS.iter().chain(EXTERNALS)
 }
 
 /// Every table of options.
@@ -292,7 +298,7 @@ mod tests {
     fn every_field_function_and_row_is_written() {
         let text = lua();
         let rows = METRICS.iter().map(|m| &m.options).chain(TONEMAPS.iter().map(|(_, t)| t));
-        let tables: Vec<&Table> = tables().chain(rows).chain(INTEGRATORS.iter().map(|i| &i.params)).collect();
+        let tables: Vec<&Table> = tables().chain(rows).chain(integrators().map(|i| &i.params)).collect();
         for table in tables {
             assert!(text.contains(&format!("---@class {}", table.name)), "{}", table.name);
             each_field(table, &mut |table, field| {

@@ -50,7 +50,7 @@ pub fn plan_json(plan: &Plan) -> Json {
                 }),
             }
         }).collect::<Vec<_>>(),
-        "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason }))
+        "skipped": plan.skipped.iter().map(|s| json!({ "point": point_json(&s.point), "reason": s.reason, "absent": s.absent }))
             .collect::<Vec<_>>(),
         "warnings": plan.warnings,
         "notes": plan.notes.iter().map(|n| json!({

@@ -29,7 +29,7 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
     })?;
     let out = folder.parent().unwrap_or(folder);
     let name = text(&plan["name"]);
-    let mut notes = Vec::new();
+    let mut notes = absent(&plan);
     let mut reader = Reader { folder, elsewhere: elsewhere(out, &name), notes: &mut notes, metrics: Vec::new() };
     // Doubles of the A/A check are no results.
     let cells = list(&plan["cells"]).iter().filter(|cell| cell["control"].is_null());
@@ -48,6 +48,29 @@ pub fn night(folder: &Path) -> Result<Night, StoreError> {
         references,
         notes,
     })
+}
+
+/// The other program behind a technique as it called itself: the last part of its device.
+fn peer(integrator: &str, done: &Json) -> Option<String> {
+    let device = done["device"].as_str().filter(|_| integrator.starts_with("external:"))?;
+    device.rsplit_once(", ").map(|(_, program)| program.to_owned())
+}
+
+/// What the machine lacked for points that were left out, each reason once.
+fn absent(plan: &Json) -> Vec<String> {
+    let mut reasons: Vec<(String, usize)> = Vec::new();
+    for skipped in list(&plan["skipped"]).iter().filter(|s| s["absent"] == true) {
+        let reason = text(&skipped["reason"]);
+        match reasons.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, count)) => *count += 1,
+            None => reasons.push((reason, 1)),
+        }
+    }
+    let words = |(reason, count): (String, usize)| match count {
+        1 => format!("1 point of the sweep is left out: {reason}"),
+        _ => format!("{count} points of the sweep are left out: {reason}"),
+    };
+    reasons.into_iter().map(words).collect()
 }
 
 /// The folders of finished runs of all nights with this name, by run.
@@ -102,6 +125,7 @@ impl Reader<'_> {
             scene: render["scene"].as_str().map(str::to_owned).unwrap_or_default(),
             resolution: side(0).zip(side(1)).map(|(w, h)| [w, h]),
             device: done.as_ref().and_then(device),
+            peer: done.as_ref().and_then(|done| peer(&text(&cell["integrator"]), done)),
             accel: done.as_ref().and_then(|d| Some((d["accel_build_s"].as_f64()?, d["accel_nodes"].as_u64()?))),
             accel_size: done.as_ref().and_then(|d| Some((d["accel_bytes"].as_u64()?, d["accel_cost"].as_f64()?))),
             reference: cell["reference"].as_u64().and_then(|n| usize::try_from(n).ok()),

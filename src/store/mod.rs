@@ -4,7 +4,7 @@
 //! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
 //!   experiment.lua plan.json frozen.json env.json journal.jsonl lock summary.csv figures/ tables/
 //!   workers/ finished/ bonds/    of nights with workers: heartbeats and journals, marks, devices of comparisons
-//!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.exr final.exr final.png
+//!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.{exr,png} final.exr final.png
 //!                                    films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png half-{a,b}.exr noise.exr ref.json
 //! out/index.sqlite      what finished runs say, a cache that is made anew from the folders

@@ -142,7 +142,7 @@ impl RunWriter {
 /// What goes on from a checkpoint after some samples per pixel keeps its log and the snapshots up to there.
 fn is_result(path: &Path, kept: Option<u64>) -> bool {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-    let snapshot = name.strip_prefix("snap-").and_then(|n| n.strip_suffix(".exr"));
+    let snapshot = name.strip_prefix("snap-").and_then(|n| n.strip_suffix(".exr").or_else(|| n.strip_suffix(".png")));
     let beyond =
         snapshot.is_some_and(|samples| samples.parse::<u64>().map_or(true, |samples| samples > kept.unwrap_or(0)));
     let fixed = ["done.json", "metrics.csv", "final.exr", "final.png"].contains(&name);

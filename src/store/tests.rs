@@ -106,6 +106,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
             every_s: 1.0,
             metrics: vec![],
             snapshots: Snapshots::Last,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

@@ -37,7 +37,8 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
     for file in &all {
         for cut in [true, false] {
             let finished = place.finished();
-            let mut bytes = std::fs::read(place.path(file)).unwrap();
+            let whole = std::fs::read(place.path(file)).unwrap();
+            let mut bytes = whole.clone();
             if bytes.is_empty() {
                 continue;
             }
@@ -67,6 +68,10 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
             let refs = file.contains("/refs/") && !file.contains("/sums/") && !file.ends_with("log.txt");
             let told = sealed || file.ends_with("/config.json") || refs;
             assert!(said == 1 || (said == 0 && !told), "{file} {how} in {folder}: {}", night.stderr);
+            if file.contains("/sums/") {
+                // Nobody mends what nobody reads: it would be told of when the next file is damaged.
+                std::fs::write(place.path(file), whole).unwrap();
+            }
         }
     }
     assert!(place.succeed(&["run", "night.lua"]).stderr.contains("nothing to do"));

@@ -277,3 +277,30 @@ fn layers_that_cannot_be_had_are_refused_while_planning() {
     let error = with(r#"films = "strategies", max_depth = 50, resolution = { 4096, 4096 }"#);
     assert!(error.contains("8 GiB") && error.contains("lower max_depth"), "{error}");
 }
+
+#[test]
+fn every_measurement_is_captured_where_the_script_asks_for_it() {
+    let place = Workplace::new();
+    let script = place.read("night.lua").replace("exr = \"pow2\"", "png = \"every\"");
+    place.write("night.lua", &script.replace("rmse = ", "display = tonemap.gamma { gamma = 2.2 }, rmse = "));
+    place.succeed(&["run", "night.lua", "-q"]);
+    for (done, _) in place.finished() {
+        let folder = done.trim_end_matches("/done.json");
+        let measured = place.read(&format!("{folder}/metrics.csv")).lines().count() - 1;
+        let captures: Vec<String> =
+            place.files(folder).into_iter().filter(|f| f.contains("/snap-") && f.ends_with(".png")).collect();
+        assert!(measured > 1 && captures.len() == measured, "{captures:?}");
+        assert!(
+            place.files(folder).iter().all(|f| !f.contains("/snap-") || f.ends_with(".png")),
+            "no EXR was asked for"
+        );
+        let capture = captures.iter().find(|f| !f.ends_with("snap-16.png")).unwrap();
+        // The gamma of the sources: the last capture is the final picture.
+        assert_eq!(
+            std::fs::read(place.path(&format!("{folder}/snap-16.png"))).unwrap(),
+            std::fs::read(place.path(&format!("{folder}/final.png"))).unwrap()
+        );
+        // A capture stands for its run, whose last picture is compared.
+        assert!(place.succeed(&["reproduce", capture]).stdout.ends_with("identical\n"));
+    }
+}

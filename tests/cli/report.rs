@@ -181,3 +181,39 @@ fn the_page_works_in_a_browser_without_a_network() {
     });
     assert_eq!(told, expected);
 }
+
+/// Everything that a report writes for LaTeX, in one document.
+#[test]
+fn tables_figures_and_methods_compile_in_latex() {
+    if !Command::new("pdflatex").arg("--version").output().is_ok_and(|o| o.status.success()) {
+        println!("SKIPPED: no pdflatex");
+        return;
+    }
+    let place = reported();
+    place.succeed(&["report", "out/latest", "--to", "r"]);
+    let inputs: String = place
+        .files("r")
+        .iter()
+        .filter(|f| f.ends_with(".tex"))
+        .map(|f| f.trim_start_matches("r/"))
+        .map(|f| match f.starts_with("figures/") {
+            true => format!("\\begin{{figure*}}\\centering\\input{{{f}}}\\end{{figure*}}\n\n"),
+            false => format!("\\input{{{f}}}\n\n"),
+        })
+        .collect();
+    assert!(inputs.contains("figures/error-time-rmse") && inputs.contains("tables/") && inputs.contains("methods"));
+    let document = format!(
+        "\\documentclass[twocolumn]{{article}}\n\\usepackage{{booktabs,pgfplots}}\n\
+         \\usepgfplotslibrary{{groupplots,fillbetween}}\n\\pgfplotsset{{compat=1.18, table/search path={{figures}}}}\n\
+         \\begin{{document}}\n{inputs}\\end{{document}}\n"
+    );
+    place.write("r/paper.tex", &document);
+    let output = Command::new("pdflatex")
+        .args(["-interaction=nonstopmode", "-halt-on-error", "paper.tex"])
+        .current_dir(place.path("r"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && !said.contains("Missing character"), "{said}");
+    assert!(place.path("r/paper.pdf").is_file());
+}

@@ -49,10 +49,12 @@ fn the_samples_of_a_pixel_step_by_step_are_the_pixel_of_the_picture() {
 #[test]
 fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
     let place = Workplace::new();
-    let args = ["ball.scn", "--pixel", "8,6", "--size", "16x12", "--integrator", "bdpt", "--backend", "cpu"];
+    let args =
+        ["ball.scn", "--pixel", "8,2", "--size", "16x12", "--sample", "1", "--integrator", "bdpt", "--backend", "cpu"];
     let said = place.succeed(&[&["trace"], &args[..]].concat()).stdout;
-    assert!(said.starts_with("pixel 8,6 sample 0 of bdpt by cpu, seed 0\n"), "{said}");
-    for part in ["  0 ray    (0, 0, 4) -> vertex (", "sphere 0 (disney), t ", "shadow ", "light  s "] {
+    assert!(said.starts_with("pixel 8,2 sample 1 of bdpt by cpu, seed 0\n"), "{said}");
+    for part in ["  0 ray    (0, 0, 4) -> vertex (", "sphere 0 (disney), t ", "shadow (", ": free", "light  s 1 t 2: ("]
+    {
         assert!(said.contains(part), "{part}: {said}");
     }
     let traced = steps(&place, &args);

@@ -138,6 +138,7 @@ fn spec() -> Spec {
             every_s: 1e6,
             metrics: Vec::new(),
             snapshots: Snapshots::Last,
+            captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

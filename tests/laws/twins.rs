@@ -20,6 +20,7 @@ const HOST: &[(&str, &str)] = &[
     ("src/transport/delay/mod.rs", "a part of films with a time axis, which devices refuse"),
     ("src/transport/delay/profile.rs", "a part of films with a time axis, which devices refuse"),
     ("src/transport/flight.rs", "a part of films with a time axis, which devices refuse"),
+    ("src/transport/integrator/external.rs", "names of what other programs compute"),
     ("src/transport/integrator/mod.rs", "the table of integrators"),
     ("src/transport/integrator/oracle/mod.rs", "the slow judge of weights"),
     ("src/transport/integrator/oracle/path.rs", "the slow judge of weights"),

@@ -14,18 +14,17 @@ struct Interface {
 Interface fresnel_dielectric(float cos_i, float ior) {
     float eta = cos_i >= 0.0 ? ior : 1.0 / ior;
     cos_i = min(abs(cos_i), 1.0);
-    // With g = eta cos_t the amplitudes are (eta^2 cos_i - g) / (eta^2 cos_i + g) and (cos_i - g) / (cos_i + g).
-    float eta2 = eta * eta;
-    float g2 = eta2 - (1.0 - cos_i * cos_i);
-    if (g2 <= 0.0) {
+    float cos2_t = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
+    if (cos2_t <= 0.0) {
         return Interface(1.0, 0.0, eta);
     }
-    float g = sqrt(g2);
-    float along = eta2 * cos_i + g, across = cos_i + g;
+    float cos_t = sqrt(cos2_t);
+    // Both amplitudes with one division.
+    float along = eta * cos_i + cos_t, across = cos_i + eta * cos_t;
     float scale = 1.0 / (along * across);
-    float parallel = (eta2 * cos_i - g) * across * scale;
-    float perpendicular = (cos_i - g) * along * scale;
-    return Interface(0.5 * (parallel * parallel + perpendicular * perpendicular), g / eta, eta);
+    float parallel = (eta * cos_i - cos_t) * across * scale;
+    float perpendicular = (cos_i - eta * cos_t) * along * scale;
+    return Interface(0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t, eta);
 }
 
 // `(1 - |cos|)^5`.

@@ -1,4 +1,4 @@
-//! What can be typed of runs, pictures, reports and their reproduction.
+//! What can be typed of pictures, reports and their reproduction.
 
 use std::path::{Path, PathBuf};
 
@@ -82,6 +82,37 @@ pub struct ReportArgs {
     pub heat: Option<[String; 2]>,
 }
 
+/// `lumbre trace`.
+#[derive(Args, Debug)]
+pub struct TraceArgs {
+    /// The scene, or a run's folder
+    pub file: PathBuf,
+    /// Column and row, from the top left
+    #[arg(long, value_name = "X,Y", value_parser = crate::cli::trace::pixel)]
+    pub pixel: [u32; 2],
+    /// Index of the sample, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub sample: u64,
+    /// The technique, for a scene
+    #[arg(long, value_name = "NAME", default_value = "nee")]
+    pub integrator: String,
+    /// The sampler, for a scene
+    #[arg(long, value_name = "NAME", default_value = "independent")]
+    pub sampler: String,
+    /// The seed, for a scene
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Greatest number of path edges, for a scene [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub depth: Option<u32>,
+    /// Width and height, for a scene [default: the scene's]
+    #[arg(long, value_name = "WxH", value_parser = crate::cli::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `lumbre reproduce`.
 #[derive(Args, Debug)]
 pub struct ReproduceArgs {
@@ -131,16 +162,6 @@ fn positive_f64(text: &str) -> Result<f64, String> {
 fn positive(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|x: &f32| x.is_finite() && *x > 0.0);
     number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
-}
-
-/// `lumbre show`.
-#[derive(Args, Debug)]
-pub struct ShowArgs {
-    /// The run's folder, the first digits of its id, or `latest`: the one that started or ended last
-    pub run: String,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// `lumbre view`.

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
-pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ShowArgs, ViewArgs};
+pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, TraceArgs, ViewArgs};
 
 use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
@@ -214,37 +214,6 @@ pub struct ScriptArgs {
     pub only: Vec<(String, Vec<Value>)>,
 }
 
-/// `lumbre trace`.
-#[derive(Args, Debug)]
-pub struct TraceArgs {
-    /// The scene, or a run's folder
-    pub file: PathBuf,
-    /// Column and row, from the top left
-    #[arg(long, value_name = "X,Y", value_parser = super::trace::pixel)]
-    pub pixel: [u32; 2],
-    /// Index of the sample, from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub sample: u64,
-    /// The technique, for a scene
-    #[arg(long, value_name = "NAME", default_value = "nee")]
-    pub integrator: String,
-    /// The sampler, for a scene
-    #[arg(long, value_name = "NAME", default_value = "independent")]
-    pub sampler: String,
-    /// The seed, for a scene
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Greatest number of path edges, for a scene [default: the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub depth: Option<u32>,
-    /// Width and height, for a scene [default: the scene's]
-    #[arg(long, value_name = "WxH", value_parser = super::trace::size)]
-    pub size: Option<[u32; 2]>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// `lumbre run`.
 #[derive(Args, Debug)]
 pub struct RunArgs {
@@ -394,6 +363,16 @@ pub struct LsArgs {
     /// Show only the experiment that was run last
     #[arg(long)]
     pub latest: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `lumbre show`.
+#[derive(Args, Debug)]
+pub struct ShowArgs {
+    /// The run's folder, the first digits of its id, or `latest`: the one that started or ended last
+    pub run: String,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

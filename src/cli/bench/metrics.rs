@@ -1,6 +1,7 @@
 //! How long measuring a picture takes.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
@@ -8,32 +9,45 @@ use serde_json::{Value as Json, json};
 use crate::film::Image;
 use crate::math::rng::{pcg4d, unit};
 use crate::math::stats::median;
+use crate::metrics::gauge::Gauge;
 use crate::metrics::{METRICS, MetricSpec};
 
 /// The pictures' width and height in pixels.
 const SIZE: [u32; 2] = [1280, 720];
 
-/// The time that one metric takes.
+/// The metrics of the first source's protocol, which `scripts/overnight.lua` measures every half second.
+const PROTOCOL: [&str; 4] = ["mse", "rmse", "ssim", "flip"];
+
+/// The time that one metric takes, or several together.
 pub struct Row {
-    metric: &'static str,
+    metric: String,
     seconds: f64,
 }
 
-/// Times every metric with its default options on a noisy picture and another of the same: the median of `repeats`
-/// after one for warming up, on as many threads as there are cores.
+/// Times every metric with its default options on a noisy picture and another of the same, and those of the protocol
+/// together as a night measures them, whose reference stays the same: the median of `repeats` after one for warming up,
+/// on as many threads as there are cores.
 pub fn measure(repeats: usize) -> Vec<Row> {
-    let (image, reference) = (picture(1), picture(2));
-    let row = |spec: MetricSpec| {
-        let run = || {
+    let (image, reference) = (picture(1), Arc::new(picture(2)));
+    let time = |metric: String, run: &dyn Fn()| {
+        let seconds = || {
             let start = Instant::now();
-            // The value is of no interest; sizes agree and suffice for every window.
-            let _ = std::hint::black_box(spec.eval(&image, &reference));
+            run();
             start.elapsed().as_secs_f64()
         };
-        run();
-        Row { metric: spec.row.name, seconds: median((0..repeats).map(|_| run())) }
+        seconds();
+        Row { metric, seconds: median((0..repeats).map(|_| seconds())) }
     };
-    METRICS.iter().filter_map(|m| MetricSpec::new(m.name, m.name, BTreeMap::new()).ok()).map(row).collect()
+    // The values are of no interest; sizes agree and suffice for every window.
+    let alone = |spec: MetricSpec| {
+        time(spec.row.name.to_owned(), &|| drop(std::hint::black_box(spec.eval(&image, &reference))))
+    };
+    let spec = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).ok();
+    let mut rows: Vec<Row> = METRICS.iter().filter_map(|m| spec(m.name)).map(alone).collect();
+    let protocol: Vec<MetricSpec> = PROTOCOL.iter().filter_map(|name| spec(name)).collect();
+    let gauge = Gauge::new(&protocol, Arc::clone(&reference));
+    rows.push(time(PROTOCOL.join(" + "), &|| drop(std::hint::black_box(gauge.eval(&image)))));
+    rows
 }
 
 /// Patches of colour under noise of a given seed.
@@ -49,13 +63,13 @@ fn picture(seed: u32) -> Image {
 /// The lines of the table for people.
 pub fn table(rows: &[Row]) -> String {
     let line = |row: &Row| {
-        format!("{:<37}{:>9.1} ms\n", format!("{} of {}x{}", row.metric, SIZE[0], SIZE[1]), row.seconds * 1e3)
+        format!("{:<37}{:>9.1} ms\n", format!("{}, {}x{}", row.metric, SIZE[0], SIZE[1]), row.seconds * 1e3)
     };
     rows.iter().map(line).collect()
 }
 
 /// Seconds by metric.
 pub fn to_json(rows: &[Row]) -> Json {
-    let seconds: serde_json::Map<_, _> = rows.iter().map(|r| (r.metric.to_owned(), r.seconds.into())).collect();
+    let seconds: serde_json::Map<_, _> = rows.iter().map(|r| (r.metric.clone(), r.seconds.into())).collect();
     json!({ "width": SIZE[0], "height": SIZE[1], "seconds": seconds })
 }

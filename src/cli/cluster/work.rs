@@ -171,6 +171,7 @@ impl Worker<'_> {
             deadline,
             only: chosen,
             paces: Paces::default(),
+            done: BTreeSet::new(),
             begin: Some(if self.args.affinity == Affinity::None { Begin::Cell(turn) } else { Begin::Group(turn) }),
         })
     }

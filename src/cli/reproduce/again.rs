@@ -11,7 +11,7 @@ use crate::film::layer::Layer;
 use crate::film::{Film, Image};
 use crate::render::halves::Halves;
 use crate::render::hierarchy::AccelSpec;
-use crate::render::{Job, Renderer, backend};
+use crate::render::{Job, Renderer, backend, external};
 use crate::scene::compile::compile_sharing;
 use crate::scene::desc::content_hash;
 use crate::scene::{CompiledScene, SceneDesc, edit};
@@ -19,6 +19,7 @@ use crate::script;
 use crate::store;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::flight::Timing;
+use crate::transport::integrator::external::is_external;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 use crate::value::Value;
@@ -53,11 +54,13 @@ pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<S
     let total = done["samples"].as_u64();
     let reference = folder.join("ref.exr");
     let last = if reference.is_file() { reference } else { folder.join("final.exr") };
-    let picture = match samples {
-        Some(samples) if Some(samples) != total => folder.join(format!("snap-{samples}.exr")),
-        _ => last,
+    // A picture that is kept as PNG alone stands for its run, which is compared by its last one.
+    let snapshot = samples.filter(|s| Some(*s) != total).map(|s| folder.join(format!("snap-{s}.exr")));
+    let (picture, samples) = match snapshot.filter(|file| file.is_file()) {
+        Some(file) => (file, samples),
+        None => (last, total),
     };
-    let samples = samples.or(total).ok_or_else(|| format!("{} is not finished", folder.display()))?;
+    let samples = samples.ok_or_else(|| format!("{} is not finished", folder.display()))?;
     let bytes = std::fs::read(&picture).map_err(|e| format!("{}: {e}", picture.display()))?;
     let image = decode(&bytes).map_err(|e| format!("{}: {e}", picture.display()))?;
     let name = record.config["path"].as_str().filter(|p| !p.is_empty()).unwrap_or(id).to_owned();
@@ -163,10 +166,23 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
     let (compiled, _) = compile_sharing(&scene, accel_of(render).instances).map_err(|e| e.to_string())?;
     let job = job_of(render, &scene, global)?;
     let wanted = global.backend.as_deref().map_or_else(|| text(render, "backend"), Ok)?;
-    let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`"))?;
-    (row.probe)().map_err(|reason| format!("backend `{wanted}` cannot be used here: {reason}"))?;
-    let scene = Arc::new(compiled);
-    let open = |seed: u64| (row.open)(Arc::clone(&scene), Job { seed, ..job.clone() }).map_err(|e| e.to_string());
+    let compiled = Arc::new(compiled);
+    let row = if is_external(job.integrator) {
+        external::probe(&job.params)?;
+        None
+    } else {
+        let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`"))?;
+        (row.probe)().map_err(|reason| format!("backend `{wanted}` cannot be used here: {reason}"))?;
+        Some(row)
+    };
+    let open = |seed: u64| {
+        let job = Job { seed, ..job.clone() };
+        let opened = match row {
+            None => external::open(&scene, &job),
+            Some(row) => (row.open)(Arc::clone(&compiled), job),
+        };
+        opened.map_err(|e| e.to_string())
+    };
     let seed = |json: &Json| json.as_u64().ok_or_else(|| "its config.json has no seed".to_owned());
     // A reference is made of two halves.
     let mut renderer: Box<dyn Renderer> = match stored.config["seeds"].as_array().map(Vec::as_slice) {

@@ -189,6 +189,14 @@ pub enum PlanError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
+    /// Another program that this machine does not have. The points that need it are left out instead.
+    #[error("{technique} is not here: {reason}")]
+    Absent {
+        /// The technique that needs it.
+        technique: &'static str,
+        /// What is missing.
+        reason: String,
+    },
     /// A reference file that cannot be read.
     #[error("reference at {point}: cannot read {}: {reason}", file.display())]
     ReferenceFile {

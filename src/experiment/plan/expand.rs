@@ -81,12 +81,17 @@ impl<'a> Builder<'a> {
 
     fn add(&mut self, point: Point) -> Result<(), PlanError> {
         if let Some(reason) = self.skip_reason(&point)? {
-            self.skipped.push(Skipped { point, reason });
+            self.skipped.push(Skipped { point, reason, absent: false });
             return Ok(());
         }
         let config = self.hooks.render(&point).map_err(|e| hook("`render`", &point, e))?;
-        let renderable = self.renderable(config, &point)?;
-        let reference = self.reference(&renderable, &point)?;
+        let (renderable, reference) = match self.with_reference(config, &point) {
+            Err(absent @ PlanError::Absent { .. }) => {
+                self.skipped.push(Skipped { point, reason: absent.to_string(), absent: true });
+                return Ok(());
+            }
+            found => found?,
+        };
         let stop = self.hooks.stop(&point).map_err(|e| hook("`stop`", &point, e))?;
         stop.validate(&self.columns, reference.is_some()).map_err(|error| PlanError::Stop {
             whose: "stop rule",
@@ -125,6 +130,12 @@ impl<'a> Builder<'a> {
             }
         }
         Ok(None)
+    }
+
+    fn with_reference(&mut self, config: CellConfig, point: &Point) -> Result<(Renderable, Option<usize>), PlanError> {
+        let renderable = self.renderable(config, point)?;
+        let reference = self.reference(&renderable, point)?;
+        Ok((renderable, reference))
     }
 
     fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {

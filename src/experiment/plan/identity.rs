@@ -16,6 +16,7 @@ use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, S
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::integrator::external::PYTHON;
 use crate::transport::sampler::SamplerRow;
 use crate::value::Value;
 
@@ -68,10 +69,12 @@ pub(super) fn picture(
     scene_hash: &[u8; 32],
 ) -> BTreeMap<String, Value> {
     let kind = config.filter.kind.name();
+    let mut params = config.params.clone();
+    params.remove(PYTHON.key);
     let integrator = map([
         ("name", row.name.into()),
         ("revision", Value::Int(i64::from(row.revision))),
-        ("params", Value::Map(config.params.clone())),
+        ("params", Value::Map(params)),
     ]);
     let filter = map([("kind", kind.into()), ("radius", Value::number(f64::from(config.filter.radius)))]);
     let sampler = map([("name", sampler.name.into()), ("revision", Value::Int(i64::from(sampler.revision)))]);
@@ -147,7 +150,11 @@ pub(super) fn measure(measure: &Measure, measured: bool) -> Value {
         Snapshots::Last => "last",
         Snapshots::Pow2 => "pow2",
     };
-    map([("every_s", Value::number(measure.every_s)), ("metrics", Value::List(metrics)), ("keep", keep.into())])
+    let fields =
+        [("every_s", Value::number(measure.every_s)), ("metrics", Value::List(metrics)), ("keep", keep.into())];
+    // Left out where there are none, so that runs without captures keep the ids they had before captures existed.
+    let captures = measure.captures.then_some(("captures", "every".into()));
+    Value::Map(fields.into_iter().chain(captures).map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
 /// A cell's stop rule. A predicate is identified by the script's hash and the point at which it was made, because a
@@ -201,6 +208,7 @@ fn table(table: &TableSpec) -> Value {
         TableValue::Samples => "samples".into(),
         TableValue::RenderS => "render_s".into(),
         TableValue::MpathsPerS => "mpaths_per_s".into(),
+        TableValue::Fps => "fps".into(),
         TableValue::MraysPerS => "mrays_per_s".into(),
         TableValue::AccelBuildS => "accel_build_s".into(),
         TableValue::AccelNodes => "accel_nodes".into(),

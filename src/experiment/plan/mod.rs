@@ -131,13 +131,15 @@ pub enum ReferenceSource {
     },
 }
 
-/// A point that a skip rule left out.
+/// A point that is left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skipped {
     /// The point.
     pub point: Point,
-    /// The rule's reason.
+    /// The skip rule's reason, or what this machine lacks.
     pub reason: String,
+    /// Whether it is left out because of the machine, which does not have the other program that it needs.
+    pub absent: bool,
 }
 
 /// A whole night.
@@ -174,6 +176,18 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// What this machine lacks and how many points are left out for that, each reason once.
+    pub fn absent(&self) -> Vec<(&str, usize)> {
+        let mut reasons: Vec<(&str, usize)> = Vec::new();
+        for skipped in self.skipped.iter().filter(|s| s.absent) {
+            match reasons.iter_mut().find(|(reason, _)| *reason == skipped.reason) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((&skipped.reason, 1)),
+            }
+        }
+        reasons
+    }
+
     /// The names of the metric columns, in the order of [`WaveRow::metrics`](super::WaveRow::metrics).
     pub fn columns(&self) -> Vec<String> {
         self.measure.metrics.iter().map(|metric| metric.column.clone()).collect()

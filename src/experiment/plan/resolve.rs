@@ -10,8 +10,9 @@ use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
 use crate::film::time;
-use crate::render::{self, BackendRow};
+use crate::render::{self, BackendRow, external};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
+use crate::transport::integrator::external::{EXTERNALS, is_external};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use crate::value::Value;
@@ -46,6 +47,8 @@ pub(super) struct Resolver<'a> {
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     backends: BTreeMap<String, &'static str>,
+    /// Versions of other programs by what they are asked with, or why they are not here.
+    peers: BTreeMap<[u8; 32], Result<String, String>>,
     /// What of each backend is not as it was built, by its name.
     edits: BTreeMap<&'static str, Option<String>>,
     reference_files: BTreeMap<PathBuf, (RunId, Value)>,
@@ -61,6 +64,7 @@ impl<'a> Resolver<'a> {
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
+            peers: BTreeMap::new(),
             edits: BTreeMap::new(),
             reference_files: BTreeMap::new(),
             notes: BTreeSet::new(),
@@ -71,9 +75,13 @@ impl<'a> Resolver<'a> {
     pub(super) fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
         let sampler = sampler_row(&config.sampler, point)?;
+        let peer = if is_external(row) { Some(self.peer(row, &config, point)?) } else { None };
         let asked = std::mem::take(&mut config.backend);
-        config.backend = self.backend(&asked, point)?.to_owned();
-        if asked == "auto" && config.backend != render::cpu::ROW.name {
+        config.backend = match peer {
+            Some(_) => external::BACKEND.to_owned(),
+            None => self.backend(&asked, point)?.to_owned(),
+        };
+        if peer.is_none() && asked == "auto" && config.backend != render::cpu::ROW.name {
             config.fallback = Some(render::cpu::ROW.name);
         }
         let (scene, hash) = self.scene(&config, point)?;
@@ -106,10 +114,22 @@ impl<'a> Resolver<'a> {
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
         let mut picture = identity::picture(&config, row, sampler, &hash);
+        picture.extend(peer.map(|version| ("peer".to_owned(), Value::Str(version))));
         if let Some(Some(edited)) = self.edits.get(config.backend.as_str()) {
             picture.insert("shaders".to_owned(), edited.as_str().into());
         }
         Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
+    }
+
+    /// The version of the program that carries a technique out.
+    fn peer(&mut self, row: &'static IntegratorRow, config: &CellConfig, point: &Point) -> Result<String, PlanError> {
+        let films = !config.films.is_empty() || config.timing.is_some();
+        if let Some(reason) = external::refusal(config.filter, &config.sampler, films, config.rr_start) {
+            let (backend, reason) = (row.name.to_owned(), reason.to_owned());
+            return Err(PlanError::Refused { point: describe(point), backend, reason });
+        }
+        let known = self.peers.entry(hash_of(&config.params)).or_insert_with(|| external::probe(&config.params));
+        known.clone().map_err(|reason| PlanError::Absent { technique: row.name, reason })
     }
 
     /// Whether the backend fills layers and there is room for them.
@@ -194,7 +214,7 @@ fn integrator_row(name: &str, point: &Point) -> Result<&'static IntegratorRow, P
     integrator(name).ok_or_else(|| PlanError::UnknownIntegrator {
         point: describe(point),
         name: name.to_owned(),
-        help: help(name, INTEGRATORS.iter().map(|row| row.name)),
+        help: help(name, INTEGRATORS.iter().chain(EXTERNALS).map(|row| row.name)),
     })
 }
 

@@ -18,10 +18,12 @@ use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
 use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
+use crate::metrics::gauge::Gauge;
 use crate::render::halves::Halves;
-use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
 use crate::scene::{CompiledScene, SceneDesc};
+use crate::transport::integrator::external::is_external;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 
@@ -115,6 +117,8 @@ pub(super) struct Running<'a> {
     progress: Progress,
     /// There once it has begun.
     waves: Option<Waves>,
+    /// What it is measured with, once it has begun and where it has a reference.
+    gauge: Option<Gauge<'a>>,
     /// How it is tried.
     pub(super) how: Try,
     /// Its layers, once it is done.
@@ -129,7 +133,7 @@ impl<'a> Running<'a> {
     pub(super) fn new(work: Work<'a>) -> Running<'a> {
         let turn = (Instant::now(), 0.0);
         let (how, layers) = (Try::default(), Vec::new());
-        Running { work, progress: Progress::default(), waves: None, how, layers, turns: 0, turn }
+        Running { work, progress: Progress::default(), waves: None, gauge: None, how, layers, turns: 0, turn }
     }
 
     /// Render time so far, and turns.
@@ -252,6 +256,11 @@ impl<'a> Night<'a, '_> {
         progress.standing = resumed.standing;
         progress.kept = Kept::at(progress.standing.render_s(), self.asked);
         run.turn.1 = progress.standing.wall_s;
+        if run.gauge.is_none() {
+            let metrics = &self.plan.measure.metrics;
+            let truth = work.reference.as_ref();
+            run.gauge = guard("measuring", || truth.map(|truth| Gauge::new(metrics, Arc::clone(truth))))?;
+        }
         let rows = resumed.goes_on.then(|| Arc::new(progress.standing.rows.clone()));
         let mut waves = Waves::new(self.plan.measure.every_s, self.plan.measure.snapshots == Snapshots::Pow2);
         if resumed.goes_on {
@@ -320,7 +329,7 @@ impl<'a> Night<'a, '_> {
         let Some(renderer) = &run.progress.renderer else { return Err("the renderer is gone".to_owned()) };
         let measuring = Instant::now();
         let image = Arc::new(renderer.film().mean());
-        let metrics = self.measure(&image, run.work.reference.as_deref())?;
+        let metrics = run.gauge.as_ref().map_or(Ok(Vec::new()), |gauge| measure(gauge, &image))?;
         let measure_s = measuring.elapsed().as_secs_f64();
         let wall_s = run.wall_s();
         let standing = &mut run.progress.standing;
@@ -442,21 +451,17 @@ impl<'a> Night<'a, '_> {
         };
         let open = |seed: u64| -> Result<Box<dyn Renderer>, Broken> {
             let job = Job { seed, ..job.clone() };
-            Ok(guard("opening the backend", || (self.seams.open)(backend, Arc::clone(&scene), job))??)
+            let open = || match is_external(job.integrator) {
+                true => external::open(work.scene, &job),
+                false => (self.seams.open)(backend, Arc::clone(&scene), job.clone()),
+            };
+            Ok(guard("opening the backend", open)??)
         };
         match work.seeds {
             [seed] => open(*seed),
             [first, second] => Ok(Box::new(Halves::new([open(*first)?, open(*second)?]))),
             _ => Err("a run has one seed, or those of two halves".to_owned().into()),
         }
-    }
-
-    /// The metrics of a picture in the order of the plan's columns; none without a reference.
-    fn measure(&self, image: &Image, reference: Option<&Image>) -> Result<Vec<f64>, String> {
-        let Some(reference) = reference else { return Ok(Vec::new()) };
-        let metrics = self.plan.measure.metrics.iter();
-        let values = guard("measuring", || metrics.map(|m| m.eval(image, reference)).collect::<Result<_, _>>())?;
-        values.map_err(|e| e.to_string())
     }
 
     /// Does what the user wants before the next samples, and waits while the night is paused.
@@ -492,6 +497,11 @@ fn furthest_behind(field: &[(Running<'_>, Floors)]) -> Option<usize> {
         let ((a_s, a_turns), (b_s, b_turns)) = (clock(a), clock(b));
         a_s.total_cmp(&b_s).then(a_turns.cmp(&b_turns))
     })
+}
+
+/// The metrics of a picture in the order of the plan's columns.
+fn measure(gauge: &Gauge, image: &Image) -> Result<Vec<f64>, String> {
+    guard("measuring", || gauge.eval(image))?.map_err(|e| e.to_string())
 }
 
 pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, Broken> {

@@ -122,6 +122,8 @@ pub struct Options {
     pub only: Option<BTreeSet<CellRef>>,
     /// How fast runs of earlier nights were, for the forecast.
     pub paces: Paces,
+    /// What is known to be done already, for the forecast too.
+    pub done: BTreeSet<CellRef>,
     /// Where this process begins, if it is one of many workers. Without a deadline, whose order is the same for all. What
     /// takes all references, comparing them, is then left to whoever closes the night.
     pub begin: Option<Begin>,

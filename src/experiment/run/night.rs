@@ -92,7 +92,7 @@ impl<'a, 's> Night<'a, 's> {
         control: &'a Control,
         mut options: Options,
     ) -> Night<'a, 's> {
-        let paces = std::mem::take(&mut options.paces);
+        let (paces, settled) = (std::mem::take(&mut options.paces), std::mem::take(&mut options.done));
         Night {
             seams,
             plan,
@@ -111,7 +111,7 @@ impl<'a, 's> Night<'a, 's> {
             summary: NightSummary::default(),
             asked: 0,
             paces,
-            settled: BTreeSet::new(),
+            settled,
             reckoned: None,
         }
     }

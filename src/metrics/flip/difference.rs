@@ -22,32 +22,62 @@ const PLANES: usize = 7;
 /// Fewest rows that one task handles; it filters twice the filters' radius more than these.
 const SHORTEST_BAND: usize = 32;
 
-/// The difference in 0..=1 at every pixel, in row order, of two images of one size. `shown` says what linear light in
-/// 0..=1 a display emits for a pixel. Pixels over the border are those at the border. NaN spreads as far as the filters reach.
-pub fn difference(
+/// What is compared of one pixel: its filtered colour in CIELAB after Hunt's adjustment, and how strong edges and points
+/// are there.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    lab: [f32; 3],
+    detail: [f32; 2],
+}
+
+/// What is seen of a reference, from which pictures of its size can differ: 20 bytes for each pixel.
+pub struct Target {
+    ppd: f64,
+    seen: Vec<Seen>,
+}
+
+impl Target {
+    /// Looks at a reference at `ppd` pixels per degree. `shown` says what linear light in 0..=1 a display emits for a
+    /// pixel. Pixels over the border are those at the border. NaN spreads as far as the filters reach.
+    pub fn new(reference: &Image, ppd: f64, shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync)) -> Target {
+        let mut seen = vec![Seen::default(); reference.data.len()];
+        look(reference, ppd, shown, &mut seen, |_, seen| seen);
+        Target { ppd, seen }
+    }
+
+    /// The difference in 0..=1 of an image of the reference's size at every pixel, in row order.
+    pub fn difference(&self, image: &Image, shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync)) -> Vec<f32> {
+        let most = largest_distance().powf(COLOUR_POWER);
+        let mut out = vec![0.0; self.seen.len()];
+        look(image, self.ppd, shown, &mut out, |i, seen| distance(&seen, &self.seen[i], most));
+        out
+    }
+}
+
+/// Fills `out` with what `of` makes of every pixel's place in row order and of what is seen there.
+fn look<T: Send>(
     image: &Image,
-    reference: &Image,
     ppd: f64,
     shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync),
-) -> Vec<f32> {
+    out: &mut [T],
+    of: impl Fn(usize, Seen) -> T + Sync,
+) {
     let (width, height) = (image.width as usize, image.height as usize);
     let filters = Filters::new(ppd);
     let threads = rayon::current_num_threads().max(1);
     let band = height.div_ceil(2 * threads).max(SHORTEST_BAND);
-    let mut out = vec![0.0; width * height];
     out.par_chunks_mut((band * width).max(1)).enumerate().for_each(|(i, rows)| {
         let first = i * band;
-        let mut sides = [Side::new(image, &filters), Side::new(reference, &filters)];
-        let mut features = [Features::new(width), Features::new(width)];
+        let mut side = Side::new(image, &filters);
+        let mut features = Features::new(width);
         for (y, row) in (first..).zip(rows.chunks_exact_mut(width)) {
-            for (side, features) in sides.iter_mut().zip(&mut features) {
-                side.advance(y, shown);
-                features.compute(side, y);
+            side.advance(y, shown);
+            features.compute(&side, y);
+            for (x, place) in row.iter_mut().enumerate() {
+                *place = of(y * width + x, features.seen(x));
             }
-            combine(&features, row);
         }
     });
-    out
 }
 
 /// The last rows of one picture, filtered along rows.
@@ -163,6 +193,11 @@ impl Features {
         }
         debug_assert!(self.colour.iter().all(|plane| plane.len() == side.stride));
     }
+
+    fn seen(&self, x: usize) -> Seen {
+        let colour = from_opponent([0, 1, 2].map(|c| self.colour[c][x])).map(|v| v.clamp(0.0, 1.0));
+        Seen { lab: hunt_lab(colour), detail: [0, 1].map(|d| self.detail[d][x].sqrt()) }
+    }
 }
 
 /// Filters a row; `padded` reaches `radius` values further to the left and at least as many to the right.
@@ -192,20 +227,16 @@ fn along_columns(rows: &[&[f32]], kernel: &Kernel, out: &mut [f32]) {
     }
 }
 
-/// FLIP of one row from the features of both pictures.
-fn combine([image, reference]: &[Features; 2], out: &mut [f32]) {
-    let most = largest_distance().powf(COLOUR_POWER);
+/// FLIP of one pixel; `most` is the largest distance of colours, to the power that distances are raised to.
+fn distance(image: &Seen, reference: &Seen, most: f32) -> f32 {
     let knee = KNEE * most;
-    for (x, value) in out.iter_mut().enumerate() {
-        let lab = |f: &Features| hunt_lab(from_opponent([0, 1, 2].map(|c| f.colour[c][x])).map(|v| v.clamp(0.0, 1.0)));
-        let distance = hyab(lab(image), lab(reference)).powf(COLOUR_POWER);
-        let colour = if distance < knee {
-            distance * (KNEE_VALUE / knee)
-        } else {
-            KNEE_VALUE + (distance - knee) / (most - knee) * (1.0 - KNEE_VALUE)
-        };
-        let [edge, point] = [0, 1].map(|d| (image.detail[d][x].sqrt() - reference.detail[d][x].sqrt()).abs());
-        let feature = (std::f32::consts::FRAC_1_SQRT_2 * edge.max(point)).sqrt();
-        *value = colour.powf(1.0 - feature);
-    }
+    let distance = hyab(image.lab, reference.lab).powf(COLOUR_POWER);
+    let colour = if distance < knee {
+        distance * (KNEE_VALUE / knee)
+    } else {
+        KNEE_VALUE + (distance - knee) / (most - knee) * (1.0 - KNEE_VALUE)
+    };
+    let [edge, point] = [0, 1].map(|d| (image.detail[d] - reference.detail[d]).abs());
+    let feature = (std::f32::consts::FRAC_1_SQRT_2 * edge.max(point)).sqrt();
+    colour.powf(1.0 - feature)
 }

@@ -16,6 +16,7 @@ use super::{Better, MetricRow, MetricSpec, ON};
 use crate::film::Image;
 use crate::value::Value;
 use crate::value::schema::{Field, Table, Ty};
+use difference::Target;
 use exposure::{Exposures, ToneMapper};
 
 /// How finely a display is seen.
@@ -40,6 +41,11 @@ pub const ROW: MetricRow = MetricRow {
     options: Table { name: "FlipOptions", doc: "Options of `flip`.", fields: &[PPD, ON] },
     smallest: |_| 1,
     eval: |image, reference, spec| mean(&ldr(image, reference, spec)),
+    prepare: Some(|reference, spec| {
+        let shown = shown(spec);
+        let target = Target::new(reference, spec.number(PPD.key), &shown);
+        Box::new(move |image| mean(&target.difference(image, &shown)))
+    }),
     map: Some(PixelMap { eval: ldr, colours: Colours::Magma, top: Some(1.0) }),
     noise: Noise::Bounds,
     settle: None,
@@ -92,6 +98,7 @@ pub const HDR_ROW: MetricRow = MetricRow {
     },
     smallest: |_| 1,
     eval: |image, reference, spec| mean(&hdr(image, reference, spec)),
+    prepare: None,
     map: Some(PixelMap { eval: hdr, colours: Colours::Magma, top: Some(1.0) }),
     noise: Noise::Bounds,
     settle: Some(|reference, spec| {
@@ -110,12 +117,14 @@ fn mean(values: &[f32]) -> f64 {
 
 /// FLIP of every pixel. Behind a tone map, values are sRGB display values; without one, they are light.
 fn ldr(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
-    let ppd = spec.number(PPD.key);
-    if spec.tonemap().is_some() {
-        difference::difference(image, reference, ppd, &|p| p.map(srgb_light))
-    } else {
-        difference::difference(image, reference, ppd, &|p| p.map(|x| x.clamp(0.0, 1.0)))
-    }
+    let (ppd, shown) = (spec.number(PPD.key), shown(spec));
+    Target::new(reference, ppd, &shown).difference(image, &shown)
+}
+
+/// What an sRGB display emits for a pixel.
+fn shown(spec: &MetricSpec) -> impl Fn([f32; 3]) -> [f32; 3] + Copy + Send + Sync + 'static {
+    let values = spec.tonemap().is_some();
+    move |pixel| if values { pixel.map(srgb_light) } else { pixel.map(|x| x.clamp(0.0, 1.0)) }
 }
 
 fn exposures(reference: &Image, spec: &MetricSpec) -> Exposures {
@@ -134,7 +143,8 @@ fn hdr(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
     let (ppd, tone) = (spec.number(PPD.key), tone_mapper(spec));
     let mut worst = vec![0.0f32; image.data.len()];
     for scale in exposures(reference, spec).scales() {
-        let now = difference::difference(image, reference, ppd, &|p| tone.apply(p.map(|x| x * scale)));
+        let shown = |p: [f32; 3]| tone.apply(p.map(|x| x * scale));
+        let now = Target::new(reference, ppd, &shown).difference(image, &shown);
         for (worst, now) in worst.iter_mut().zip(now) {
             // `max` would lose a NaN.
             if now.is_nan() || now > *worst {

@@ -86,6 +86,11 @@ impl Axis {
         Some(Axis { scale, low, high, ticks, minor })
     }
 
+    /// The values at its lower and upper end.
+    pub fn ends(&self) -> [f64; 2] {
+        [self.low, self.high].map(|place| self.scale.back(place))
+    }
+
     /// Where a value lies: 0 at the lower end, 1 at the upper.
     pub fn place(&self, value: f64) -> f64 {
         (self.scale.forward(value) - self.low) / (self.high - self.low)

@@ -2,7 +2,7 @@
 
 use super::curve::{Band, BandKind, Curve, band};
 use super::item::{Item, Kind, Provenance};
-use super::latex;
+use super::pgfplots::Drawn;
 use super::study::{Shown, Study};
 use crate::experiment::spec::FigureX;
 use crate::metrics::MetricSpec;
@@ -20,7 +20,7 @@ pub const SCREEN: f64 = 1.6;
 
 /// Most panels of one figure, and of one row.
 const MOST_PANELS: usize = 6;
-const MOST_COLUMNS: usize = 3;
+pub(super) const MOST_COLUMNS: usize = 3;
 
 const PLOT_HEIGHT: f64 = 118.0;
 const LEFT: f64 = 31.0;
@@ -29,6 +29,8 @@ const HEAD: f64 = 24.0;
 const FOOT: f64 = 31.0;
 /// Room that direct labels may take to the right of a panel; longer ones go into a legend.
 const WIDEST_LABEL: f64 = 44.0;
+/// Least distance between the middles of labels of a horizontal axis.
+const LABEL_ROOM: f64 = 19.0;
 
 const HEADING: Font = Font::strong(8.5);
 const LABEL: Font = Font::new(7.6, INK);
@@ -38,22 +40,24 @@ const LIGHT_GRID: &str = "#e4e4e4";
 const FLOOR: &str = "#d9d9d9";
 
 /// One panel's data.
-struct Panel {
-    heading: String,
-    axes: Option<(Axis, Axis)>,
-    lines: Vec<Line>,
-    /// The noise floor of the reference as drawn, where it is known.
-    floor: Option<f64>,
+pub(super) struct Panel {
+    pub(super) heading: String,
+    pub(super) axes: Option<(Axis, Axis)>,
+    pub(super) lines: Vec<Line>,
+    /// The noise floor as drawn of the reference that all series share, where it is known.
+    pub(super) floor: Option<f64>,
 }
 
 /// One series in a panel.
-struct Line {
-    series: usize,
-    style: Style,
-    band: Option<Band>,
+pub(super) struct Line {
+    pub(super) series: usize,
+    pub(super) style: Style,
+    pub(super) band: Option<Band>,
     curves: Vec<Curve>,
     /// Where each run that finished stopped.
-    stops: Vec<(f64, f64)>,
+    pub(super) stops: Vec<(f64, f64)>,
+    /// The noise floor as drawn of the series' own reference, where series have several.
+    pub(super) floor: Option<f64>,
 }
 
 /// The figures of one metric against one x: one, or several if there are more than six facets.
@@ -87,7 +91,8 @@ pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<Item> {
         let provenance = provenance(study, facets);
         let svg = draw(study, &panels, &y_label, &x_label, &title, &provenance.text());
         let stem = format!("figures/error-{word}-{}{suffix}", spec.column);
-        let extra = pgfplots(study, &panels, &y_label, &x_label, &stem, &caption, &provenance, shown);
+        let drawn = Drawn { study, panels: &panels, y_label: &y_label, x, scale: shown.scale };
+        let extra = drawn.files(&stem, &caption, &provenance);
         Some(Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra, provenance })
     };
     let numbered = |clock| pages.iter().enumerate().map(move |(number, facets)| (clock, number, facets));
@@ -111,8 +116,7 @@ fn x_label(study: &Study, x: FigureX) -> String {
 /// The data of one facet; with a device, only of the runs on it.
 fn panel(study: &Study, facet: usize, metric: usize, x: FigureX, device: Option<&str>) -> Panel {
     let shown = Shown::of(&study.metrics[metric]);
-    let mut lines = Vec::new();
-    let mut floor: Option<f64> = None;
+    let mut lines: Vec<Line> = Vec::new();
     for series in 0..study.series.len() {
         if device.is_some() && study.series[series].device.as_deref() != device {
             continue;
@@ -128,26 +132,37 @@ fn panel(study: &Study, facet: usize, metric: usize, x: FigureX, device: Option<
         let curves: Vec<Curve> = members.iter().map(curve).collect();
         let stopped = members.iter().zip(&curves).filter(|(m, _)| m.run.done());
         let stops = stopped.filter_map(|(_, c)| c.points.last().copied()).collect();
-        for member in &members {
+        let floors = members.iter().filter_map(|member| {
             let own = member.run.floors.iter().find(|(c, _)| *c == study.metrics[metric].column);
-            let value = own.and_then(|(_, value)| shown.value(*value));
-            floor = floor.into_iter().chain(value).reduce(f64::max);
-        }
+            own.and_then(|(_, value)| shown.value(*value))
+        });
+        let floor = floors.reduce(f64::max);
         let curves: Vec<Curve> = curves.into_iter().filter(|c| !c.points.is_empty()).collect();
         if !curves.is_empty() {
-            lines.push(Line { series, style: style(series), band: band(&curves), curves, stops });
+            lines.push(Line { series, style: style(series), band: band(&curves), curves, stops, floor });
         }
+    }
+    let shared = lines.iter().filter_map(|l| l.floor).reduce(f64::max);
+    let floor = shared.filter(|most| lines.iter().filter_map(|l| l.floor).all(|own| own > most * (1.0 - 1e-9)));
+    if floor.is_some() {
+        lines.iter_mut().for_each(|line| line.floor = None);
     }
     let points = || lines.iter().flat_map(|l| &l.curves).flat_map(|c| &c.points);
     let ends = lines.iter().filter_map(|l| l.band.as_ref()).flat_map(|b| &b.ends).flat_map(|(a, b)| [*a, *b]);
     // A band that reaches far below its curve, as that of few wild repeats, must not squeeze the curves.
     let (low, high) = points().map(|p| p.1).fold((f64::INFINITY, 0.0f64), |(a, b), y| (a.min(y), b.max(y)));
     let near = |y: &f64| *y > low / 1.6 && *y < high * 1.6;
+    let floors = lines.iter().filter_map(|l| l.floor).chain(floor);
     let y_values: Vec<f64> = match shown.scale {
-        Scale::Log => points().map(|p| p.1).chain(ends.filter(near)).chain(floor.filter(|f| *f > low / 4.0)).collect(),
+        Scale::Log => points().map(|p| p.1).chain(ends.filter(near)).chain(floors.filter(|f| *f > low / 4.0)).collect(),
         Scale::Linear => points().map(|p| p.1).chain(ends).collect(),
     };
-    let axes = Axis::new(Scale::Log, points().map(|p| p.0)).zip(Axis::new(shown.scale, y_values));
+    let mut x_axis = Axis::new(Scale::Log, points().map(|p| p.0));
+    if let (Some(axis), FigureX::Samples) = (&mut x_axis, x) {
+        // There are no parts of samples.
+        axis.ticks.retain(|(value, _)| value.fract() == 0.0);
+    }
+    let axes = x_axis.zip(Axis::new(shown.scale, y_values));
     Panel { heading: study.facet_label(facet), axes, lines, floor }
 }
 
@@ -172,7 +187,9 @@ fn draw(study: &Study, panels: &[Panel], y_label: &str, x_label: &str, title: &s
         }
         drawing.text((left, top - 4.5), SMALL, Anchor::Start, y_label);
         draw_panel(&mut drawing, study, panel, [left, top, plot, PLOT_HEIGHT], direct);
-        drawing.text((left + plot / 2.0, top + PLOT_HEIGHT + 22.0), LABEL, Anchor::Middle, x_label);
+        if i + columns >= panels.len() {
+            drawing.text((left + plot / 2.0, top + PLOT_HEIGHT + 22.0), LABEL, Anchor::Middle, x_label);
+        }
     }
     let mut height = rows as f64 * (head + PLOT_HEIGHT + FOOT);
     if !direct {
@@ -190,14 +207,11 @@ fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, w
     };
     let x = |value: f64| left + width * x_axis.place(value);
     let y = |value: f64| (bottom - height * y_axis.place(value)).clamp(top, bottom);
-    let mut last = f64::NEG_INFINITY;
-    for (value, label) in &x_axis.ticks {
+    for ((value, label), named) in x_axis.ticks.iter().zip(labelled(x_axis, &x)) {
         drawing.line([x(*value), top, x(*value), bottom], LIGHT_GRID, 0.5);
         drawing.line([x(*value), bottom, x(*value), bottom + 2.5], FRAME, 0.6);
-        // Labels of a narrow panel stand at every tick that has room.
-        if x(*value) - last >= 19.0 {
+        if named {
             drawing.tick_label((x(*value), bottom + 10.5), TICK, Anchor::Middle, label);
-            last = x(*value);
         }
     }
     for (value, label) in &y_axis.ticks {
@@ -209,7 +223,12 @@ fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, w
         let at = y(floor);
         drawing.area(&[(left, at), (left + width, at), (left + width, bottom), (left, bottom)], FLOOR, 0.55);
         drawing.dashed([left, at, left + width, at], FAINT, 0.7, "1.2 1.8");
-        drawing.text((left + 3.0, (at + 8.5).min(bottom - 2.5)), SMALL, Anchor::Start, "noise of the reference");
+        let baseline = if at + 8.5 < bottom - 2.0 { at + 8.5 } else { at - 2.5 };
+        drawing.text((left + 3.0, baseline), SMALL, Anchor::Start, "noise of the reference");
+    }
+    for line in &panel.lines {
+        let Some(floor) = line.floor.filter(|f| y_axis.place(*f) > 0.0) else { continue };
+        drawing.dashed([left, y(floor), left + width, y(floor)], line.style.colour, 0.7, "1.2 1.8");
     }
     for line in &panel.lines {
         let Some(band) = line.band.as_ref().filter(|b| !b.ends.is_empty()) else { continue };
@@ -230,9 +249,16 @@ fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, w
                 }
             }
         }
-        // What each run measured beyond the last place that all of them reached.
-        let common = line.band.as_ref().and_then(|band| band.mean.last()).map_or(0.0, |(vx, _)| *vx);
+        // What each run measured before and beyond the places that all of them reached.
+        let mean = line.band.as_ref().map_or(&[][..], |band| &band.mean);
+        let [first, common] = [mean.first(), mean.last()].map(|end| end.map_or(0.0, |(vx, _)| *vx));
         for curve in &line.curves {
+            let before = curve.points.iter().filter(|(vx, _)| *vx < first).copied();
+            let to = curve.at(first).map(|vy| (first, vy));
+            let points: Vec<(f64, f64)> = before.chain(to).map(|(vx, vy)| (x(vx), y(vy))).collect();
+            if points.len() > 1 {
+                drawing.curve(&points, line.style, 0.5);
+            }
             let from = curve.at(common).map(|vy| (common, vy));
             let rest = curve.points.iter().filter(|(vx, _)| *vx > common).copied();
             let points: Vec<(f64, f64)> = from.into_iter().chain(rest).map(|(vx, vy)| (x(vx), y(vy))).collect();
@@ -249,6 +275,25 @@ fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, w
     if direct {
         direct_labels(drawing, study, panel, (left + width, top, bottom), &x, &y);
     }
+}
+
+/// Which ticks of a horizontal axis bear labels: all, or powers of ten alone, or every so many, whichever first keeps
+/// them apart.
+pub(super) fn labelled(axis: &Axis, x: &impl Fn(f64) -> f64) -> Vec<bool> {
+    let power = |i: usize| {
+        let exponent = axis.ticks[i].0.log10();
+        (exponent - exponent.round()).abs() < 1e-9
+    };
+    let count = axis.ticks.len();
+    let apart = |keep: &dyn Fn(usize) -> bool| {
+        let kept: Vec<f64> = (0..count).filter(|i| keep(*i)).map(|i| x(axis.ticks[i].0)).collect();
+        kept.len() >= count.min(2) && kept.windows(2).all(|pair| pair[1] - pair[0] >= LABEL_ROOM)
+    };
+    if !apart(&|_| true) && apart(&power) {
+        return (0..count).map(power).collect();
+    }
+    let every = (1..=count).find(|n| apart(&|i: usize| i.is_multiple_of(*n))).unwrap_or(1);
+    (0..count).map(|i| i.is_multiple_of(every)).collect()
 }
 
 /// The name of every series at its right end, moved apart where two would overlap.
@@ -327,6 +372,11 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
     if panels.iter().any(|p| p.floor.is_some()) {
         sentences.push("Grey: below the noise of the reference, where curves measure the reference.".to_owned());
     }
+    if panels.iter().flat_map(|p| &p.lines).any(|line| line.floor.is_some()) {
+        sentences.push(
+            "Dotted: the noise of each series' own reference, below which its curve measures the reference.".to_owned(),
+        );
+    }
     if x == FigureX::RenderS {
         let clock = study.clock();
         if !clock.is_empty() {
@@ -342,73 +392,4 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
         sentences.push(long.join("; ") + ".");
     }
     sentences.join(" ")
-}
-
-/// The same figure for pgfplots: a `.tex` with the axes and a `.dat` with the columns `f<panel>s<series>` + `x`, `y`,
-/// `l` (lower) and `u` (upper end).
-#[expect(clippy::too_many_arguments, reason = "they are the parts of one figure, said once")]
-fn pgfplots(
-    study: &Study,
-    panels: &[Panel],
-    y_label: &str,
-    x_label: &str,
-    stem: &str,
-    caption: &str,
-    provenance: &Provenance,
-    shown: Shown,
-) -> Vec<(&'static str, Vec<u8>)> {
-    let name = stem.rsplit('/').next().unwrap_or(stem);
-    let mut columns: Vec<(String, Vec<f64>)> = Vec::new();
-    let mut body = String::new();
-    let per_row = panels.len().min(MOST_COLUMNS);
-    for (p, panel) in panels.iter().enumerate() {
-        body += &format!("\\nextgroupplot[title={{{}}}]\n", latex::escape(&panel.heading));
-        for line in &panel.lines {
-            let Some(band) = &line.band else { continue };
-            let key = format!("f{p}s{}", line.series);
-            columns.push((format!("{key}x"), band.mean.iter().map(|(x, _)| *x).collect()));
-            columns.push((format!("{key}y"), band.mean.iter().map(|(_, y)| *y).collect()));
-            let look = format!("lumbre{}", line.series);
-            let title = latex::escape(&study.series[line.series].full());
-            if !band.ends.is_empty() {
-                columns.push((format!("{key}l"), band.ends.iter().map(|(l, _)| *l).collect()));
-                columns.push((format!("{key}u"), band.ends.iter().map(|(_, u)| *u).collect()));
-                for end in ["l", "u"] {
-                    body += &format!(
-                        "\\addplot[name path={key}{end}, draw=none, forget plot] table[x={key}x, y={key}{end}] {{{name}.dat}};\n"
-                    );
-                }
-                body += &format!("\\addplot[{look}, opacity=0.16, forget plot] fill between[of={key}l and {key}u];\n");
-            }
-            let dash = latex::dash(&line.style);
-            body += &format!("\\addplot[{look}, thick{dash}] table[x={key}x, y={key}y] {{{name}.dat}};\n");
-            body += &format!("\\addlegendentry{{{title}}}\n");
-        }
-    }
-    let colours: String = (0..study.series.len())
-        .map(|s| format!("\\definecolor{{lumbre{s}}}{{HTML}}{{{}}}\n", style(s).colour[1..].to_uppercase()))
-        .collect();
-    let y_mode = if shown.scale == Scale::Log { "ymode=log, " } else { "" };
-    let tex = format!(
-        "{}% Needs \\usepackage{{pgfplots}} and \\usepgfplotslibrary{{groupplots,fillbetween}}.\n{colours}\
-         \\begin{{tikzpicture}}\n\\begin{{groupplot}}[group style={{group size={per_row} by {}, horizontal sep=1.4cm, \
-         vertical sep=1.8cm}}, width={:.3}\\linewidth, xmode=log, {y_mode}xlabel={{{}}}, ylabel={{{}}}, grid=major, \
-         legend style={{font=\\footnotesize, draw=none, fill=none}}, label style={{font=\\footnotesize}}, \
-         tick label style={{font=\\footnotesize}}, title style={{font=\\footnotesize}}]\n{body}\\end{{groupplot}}\n\
-         \\end{{tikzpicture}}\n% Caption: {}\n",
-        provenance.comment("% "),
-        panels.len().div_ceil(per_row),
-        1.0 / per_row as f64,
-        latex::escape(x_label),
-        latex::escape(y_label),
-        caption
-    );
-    let length = columns.iter().map(|(_, v)| v.len()).max().unwrap_or(0);
-    let mut dat = provenance.comment("# ");
-    dat += &(columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(" ") + "\n");
-    for row in 0..length {
-        let value = |(_, v): &(String, Vec<f64>)| v.get(row).map_or("nan".to_owned(), |x| format!("{x:e}"));
-        dat += &(columns.iter().map(value).collect::<Vec<_>>().join(" ") + "\n");
-    }
-    vec![("tex", tex.into_bytes()), ("dat", dat.into_bytes())]
 }

@@ -7,7 +7,7 @@ use super::Pictures;
 use super::convergence::{COLUMN, FULL, SCREEN};
 use super::films::{colour_bar, suffix};
 use super::item::{Item, Kind, Provenance};
-use super::shots::{self, Moment, Shot};
+use super::shots::{self, Moment, Shot, Truths};
 use super::study::{Options, Shown, Study};
 use super::tables::{common_error, common_time};
 use crate::film::Image;
@@ -43,12 +43,11 @@ pub fn all(
     let mut items = Vec::new();
     let leading = leading(study);
     for facet in 0..study.facets.len() {
-        let Some((truth, words)) = shots::reference(study, facet, pictures, notes) else { continue };
-        let size = Some([truth.width, truth.height]);
+        let Some(truths) = shots::references(study, facet, pictures, notes) else { continue };
         let time = common_time(study, options, facet).map(|t| (Moment::Time(t), "equal-time"));
         let error = leading.and_then(|m| Some((Moment::Error(m, common_error(study, facet, m)?), "equal-error")));
         for (moment, name) in [time, error].into_iter().flatten() {
-            let mut taken = shots::shots(study, facet, moment, size, pictures, notes);
+            let mut taken = shots::shots(study, facet, moment, &truths, pictures, notes);
             if taken.len() > MOST {
                 notes.push(format!("crops show the first {MOST} of {} series", taken.len()));
                 taken.truncate(MOST);
@@ -56,7 +55,8 @@ pub fn all(
             if taken.is_empty() {
                 continue;
             }
-            let sheet = Sheet { study, facet, truth: &truth, words: &words, shots: &taken, moment, leading };
+            let (truth, words) = &truths.all[0];
+            let sheet = Sheet { study, facet, truths: &truths, truth, words, shots: &taken, moment, leading };
             items.push(sheet.item(options, name, notes)?);
         }
     }
@@ -74,6 +74,8 @@ pub(super) fn leading(study: &Study) -> Option<usize> {
 struct Sheet<'a> {
     study: &'a Study<'a>,
     facet: usize,
+    truths: &'a Truths,
+    /// The reference that is shown, the first.
     truth: &'a Image,
     words: &'a str,
     shots: &'a [Shot],
@@ -110,11 +112,15 @@ impl Sheet<'_> {
         let number = self.leading.map_or(String::new(), |m| {
             format!(" Below each crop: {} of that window.", self.study.metrics[m].row.label)
         });
+        let own = self.truths.owner(0).map_or(String::new(), |series| {
+            let name = &self.study.series[series].label;
+            format!(" Each series is measured against the reference of its own; the one shown is that of {name}.")
+        });
         let clock = self.study.clock();
         let clock = if clock.is_empty() { String::new() } else { format!(" Rendered {clock}.") };
         format!(
             "{at}; samples and seconds of each are above it. Left: the reference ({}), {tonemap}. Right: windows of the first repeat.{number} Bottom: FLIP of the whole picture, from 0 (black) \
-             to 1 (pale yellow), with its mean.{clock}",
+             to 1 (pale yellow), with its mean.{own}{clock}",
             self.words
         )
         .replace("Rendered times", "Times")
@@ -156,7 +162,7 @@ impl Sheet<'_> {
         let error = |shot: &Shot| {
             let pixels = (y..y + h).flat_map(|j| (x..x + w).map(move |i| (i, j)));
             let square = |(i, j): (u32, u32)| -> f64 {
-                let (a, r) = (shot.image.at(i, j), self.truth.at(i, j));
+                let (a, r) = (shot.image.at(i, j), self.truths.of(shot).at(i, j));
                 let one = |c: usize| {
                     let (a, r) = (f64::from(a[c]), f64::from(r[c]));
                     // A single wild sample must not choose the window.
@@ -207,8 +213,8 @@ impl Sheet<'_> {
                 let inset = BOX / 2.0;
                 let inner = [place[0] + inset, place[1] + inset, place[2] - BOX, place[3] - BOX];
                 drawing.outline(inner, BOXES[number], BOX);
-                let truth = shots::crop(self.truth, *window);
-                let value = self.leading.zip(truth).filter(|_| i < self.shots.len()).and_then(|(metric, truth)| {
+                let truth = self.shots.get(i).and_then(|shot| shots::crop(self.truths.of(shot), *window));
+                let value = self.leading.zip(truth).and_then(|(metric, truth)| {
                     let spec = &self.study.metrics[metric];
                     Some((spec, spec.eval(&part, &truth).ok()?))
                 });
@@ -237,7 +243,7 @@ impl Sheet<'_> {
     ) -> Result<f64, OutputError> {
         let Some(flip) = flip(self.study, tonemap) else { return Ok(y) };
         for (i, shot) in self.shots.iter().enumerate() {
-            let Ok(map) = flip.error_map(&shot.image, self.truth) else { continue };
+            let Ok(map) = flip.error_map(&shot.image, self.truths.of(shot)) else { continue };
             drawing.image([at(i), y, column, column * whole], &png::encode_map(&map, [0.0, 1.0], &[])?);
             let mean = map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len().max(1) as f64;
             let text = format!("FLIP {}", significant(mean, 3));

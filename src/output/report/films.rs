@@ -244,7 +244,7 @@ fn bounces(study: &Study, facet: usize, maps: &[(usize, Member, Image)]) -> Resu
     let svg = drawing.finish_scaled(x + bar - 2.0, 12.0 + tallest + 2.0, SCREEN, &title, &provenance.text());
     let caption = format!(
         "How often light bounced before it reached each pixel: the mean over the light that arrives, weighted by its \
-         luminance, of path edges minus one. One scale for all, cut at the 99.5th percentile of {} bounces.",
+         luminance, of path edges minus one; black where none was found. One scale for all, cut at the 99.5th percentile of {} bounces.",
         crate::output::labels::significant(f64::from(top), 3)
     );
     let stem = format!("figures/bounces{}", suffix(&place));

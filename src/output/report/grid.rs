@@ -4,6 +4,9 @@ use super::item::{Item, Kind, Provenance};
 use super::latex;
 use crate::output::labels::{csv_line, exact, significant};
 
+/// Columns that fit into one column of a page.
+const NARROW: usize = 3;
+
 /// How the numbers of a table are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Digits {
@@ -86,19 +89,22 @@ impl Grid {
     /// Number, sign of a bound, and interval: `> 12.3`, `4.56 ± 0.07`.
     pub fn entry(&self, entry: &Entry) -> String {
         let Some(value) = entry.value else { return "–".to_owned() };
-        let half = entry.half.filter(|_| !entry.more).map(|half| {
-            // As many digits as the number itself has after its point; more would say nothing.
-            let text = self.number(value);
-            let after = text.trim_end_matches(" %").split_once('.').map_or(0, |(_, digits)| digits.len());
-            if text.contains('e') {
-                format!(" ± {}", significant(half, 1))
-            } else if self.digits == Digits::Percent {
-                format!(" ± {:.0}", 100.0 * half)
-            } else {
-                format!(" ± {half:.after$}")
-            }
-        });
-        format!("{}{}{}", if entry.more { "> " } else { "" }, self.number(value), half.unwrap_or_default())
+        let text = self.number(value);
+        let Some(half) = entry.half.filter(|_| !entry.more) else {
+            return format!("{}{text}", if entry.more { "> " } else { "" });
+        };
+        if text.contains('e') {
+            return format!("{text} ± {}", significant(half, 1));
+        }
+        if self.digits == Digits::Percent {
+            return format!("{text} ± {:.0}", 100.0 * half);
+        }
+        // Two digits of the interval, and the number as far as they go, but no more than the table has: what is beyond
+        // would say nothing.
+        let own = text.split_once('.').map_or(0, |(_, digits)| digits.len());
+        let of_half = if half > 0.0 { 1 - half.log10().floor() as i32 } else { own as i32 };
+        let after = own.min(usize::try_from(of_half).unwrap_or(0));
+        format!("{value:.after$} ± {half:.after$}")
     }
 
     /// Headers of number columns with their groups.
@@ -181,7 +187,11 @@ impl Grid {
     pub fn to_latex(&self) -> String {
         let n = self.corner.len();
         let mut out = self.provenance.comment("% ");
-        out += "% Needs \\usepackage{booktabs}.\n\\begin{table}\n  \\centering\n";
+        // What is wider than a column of a page takes both.
+        let table = if n + self.columns.len() > NARROW { "table*" } else { "table" };
+        out += &format!(
+            "% Needs \\usepackage{{booktabs}}.\n\\begin{{{table}}}\n  \\centering\\small\\setlength{{\\belowcaptionskip}}{{4pt}}\n"
+        );
         out += &format!("  \\caption{{{}. {}}}\n", latex::escape(&self.title), latex::escape(&self.caption));
         out += &format!("  \\label{{tab:{}}}\n", self.name);
         out += &format!("  \\begin{{tabular}}{{{}{}}}\n    \\toprule\n", "l".repeat(n), "r".repeat(self.columns.len()));
@@ -213,6 +223,6 @@ impl Grid {
                 labels.iter().map(|l| latex::escape(l)).chain(entries.iter().map(number)).collect();
             out += &format!("    {} \\\\\n", cells.join(" & "));
         }
-        out + "    \\bottomrule\n  \\end{tabular}\n\\end{table}\n"
+        out + &format!("    \\bottomrule\n  \\end{{tabular}}\n\\end{{{table}}}\n")
     }
 }

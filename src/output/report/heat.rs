@@ -39,10 +39,13 @@ pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
         }
         None => {
             let varying: Vec<&String> = axes.iter().filter(|axis| values(study, axis).len() > 1).collect();
-            match varying.as_slice() {
-                // Techniques across, the rest down.
-                [a, b, ..] if study.by.contains(a) => Some([(*a).clone(), (*b).clone()]),
-                [a, b, ..] => Some([(*b).clone(), (*a).clone()]),
+            // What is compared across, what stands apart down.
+            let compared = varying.iter().position(|axis| study.by.contains(axis));
+            match (varying.as_slice(), compared) {
+                ([_, _, ..], Some(across)) => {
+                    Some([varying[across].clone(), varying[usize::from(across == 0)].clone()])
+                }
+                ([a, b, ..], None) => Some([(*b).clone(), (*a).clone()]),
                 _ => None,
             }
         }

@@ -52,12 +52,16 @@ fn sentences(study: &Study) -> Vec<String> {
         format!("{finished} runs finished, one of each configuration.")
     };
     out.push(runs);
-    let mut truths: Vec<String> = Vec::new();
-    for truth in study.nights.iter().flat_map(|n| &n.references).filter(|t| t.picture.is_some()) {
-        if !truths.contains(&truth.words) {
-            truths.push(truth.words.clone());
+    let mut peers: Vec<String> = Vec::new();
+    for (run, program) in study.all().filter_map(|m| Some((m.run, m.run.peer.as_ref()?))) {
+        let peer = format!("{} was rendered by {program}, whose clock is its own", run.integrator);
+        if !peers.contains(&peer) {
+            peers.push(peer);
         }
     }
+    out.extend(peers.into_iter().map(|peer| peer + "."));
+    let truths = study.nights.iter().flat_map(|n| &n.references).filter(|t| t.picture.is_some());
+    let truths = references(truths.map(|t| t.words.as_str()));
     if !truths.is_empty() {
         out.push(format!("Errors were measured against references made beforehand: {}.", truths.join("; ")));
     }
@@ -82,6 +86,47 @@ fn sentences(study: &Study) -> Vec<String> {
     out
 }
 
+/// References in words, those of one technique together: `bpt, 16 to 1024 samples per pixel (12 pictures)`.
+fn references<'a>(words: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut others: Vec<String> = Vec::new();
+    let mut rendered: Vec<(&str, u64, u64, usize)> = Vec::new();
+    for words in words {
+        let samples = words.strip_suffix(" samples per pixel").and_then(|rest| rest.rsplit_once(", "));
+        match samples.and_then(|(technique, n)| Some((technique, n.parse::<u64>().ok()?))) {
+            Some((technique, n)) => match rendered.iter_mut().find(|r| r.0 == technique) {
+                Some(known) => *known = (technique, known.1.min(n), known.2.max(n), known.3 + 1),
+                None => rendered.push((technique, n, n, 1)),
+            },
+            None if !others.iter().any(|o| o == words) => others.push(words.to_owned()),
+            None => {}
+        }
+    }
+    let together = rendered.into_iter().map(|(technique, least, most, count)| {
+        let samples = if least == most { least.to_string() } else { format!("{least} to {most}") };
+        let pictures = if count > 1 { format!(" ({count} pictures)") } else { String::new() };
+        format!("{technique}, {samples} samples per pixel{pictures}")
+    });
+    together.chain(others).collect()
+}
+
 fn short(hash: &str) -> &str {
     hash.get(..8).unwrap_or(hash)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn references_of_one_technique_are_said_together() {
+        let words = [
+            "bpt, 16 samples per pixel",
+            "nee, 8 samples per pixel",
+            "sky.exr",
+            "bpt, 64 samples per pixel",
+            "sky.exr",
+        ];
+        let said = references(words.into_iter());
+        assert_eq!(said, ["bpt, 16 to 64 samples per pixel (2 pictures)", "nee, 8 samples per pixel", "sky.exr"]);
+    }
 }

@@ -13,6 +13,7 @@ mod item;
 mod latex;
 mod methods;
 mod page;
+mod pgfplots;
 mod shots;
 pub(super) mod study;
 mod tables;

@@ -36,37 +36,71 @@ pub enum Moment {
     End,
 }
 
-/// The reference of a facet: its picture, and in words what it is. All finished runs of the facet must share it, or no
-/// comparison would be fair; the first that can be read counts.
-pub fn reference(study: &Study, facet: usize, pictures: &Pictures, notes: &mut Vec<String>) -> Option<(Image, String)> {
-    for member in (0..study.series.len()).flat_map(|s| study.members(facet, s)) {
-        let Some(truth) = member.run.reference.and_then(|r| member.night.references.get(r)) else { continue };
-        let Some(path) = &truth.picture else { continue };
-        match read(path, pictures, notes) {
-            Some(image) => return Some((image, truth.words.clone())),
-            None => continue,
-        }
-    }
-    None
+/// The references of a facet. Techniques may share one, or have one each.
+pub struct Truths {
+    /// Pictures of one size, with words for what they are; at least one.
+    pub all: Vec<(Image, String)>,
+    /// For each series of the study, the place of its reference, if that can be read.
+    pub of: Vec<Option<usize>>,
 }
 
-/// For each series of a facet that has one, the kept picture of its first finished repeat that is nearest to a moment
-/// on a logarithmic scale. Pictures of another size than `size` are left out.
+impl Truths {
+    /// What a shot is measured against.
+    pub fn of(&self, shot: &Shot) -> &Image {
+        &self.all[self.of[shot.series].unwrap_or(0)].0
+    }
+
+    /// The first series that is measured against a reference, where there are several references.
+    pub fn owner(&self, truth: usize) -> Option<usize> {
+        if self.all.len() > 1 { self.of.iter().position(|of| *of == Some(truth)) } else { None }
+    }
+}
+
+/// The references that a facet's series were measured against, those of their first runs; `None` if none can be read. One
+/// of another size than the first is left out.
+pub fn references(study: &Study, facet: usize, pictures: &Pictures, notes: &mut Vec<String>) -> Option<Truths> {
+    let mut truths = Truths { all: Vec::new(), of: vec![None; study.series.len()] };
+    let mut paths: Vec<&Path> = Vec::new();
+    for series in 0..study.series.len() {
+        for member in study.members(facet, series) {
+            let Some(truth) = member.run.reference.and_then(|r| member.night.references.get(r)) else { continue };
+            let Some(path) = &truth.picture else { continue };
+            truths.of[series] = paths.iter().position(|known| known == path);
+            if truths.of[series].is_none() {
+                let Some(image) = read(path, pictures, notes) else { continue };
+                let size = truths.all.first().map(|(first, _)| [first.width, first.height]);
+                if size.is_some_and(|size| size != [image.width, image.height]) {
+                    notes.push(format!("{} has another size than the other references", path.display()));
+                    continue;
+                }
+                truths.of[series] = Some(truths.all.len());
+                truths.all.push((image, truth.words.clone()));
+                paths.push(path);
+            }
+            break;
+        }
+    }
+    (!truths.all.is_empty()).then_some(truths)
+}
+
+/// For each series of a facet that has one and a reference, the kept picture of its first finished repeat that is nearest to a moment
+/// on a logarithmic scale. Pictures of another size than the references are left out.
 pub fn shots(
     study: &Study,
     facet: usize,
     moment: Moment,
-    size: Option<[u32; 2]>,
+    truths: &Truths,
     pictures: &Pictures,
     notes: &mut Vec<String>,
 ) -> Vec<Shot> {
+    let size = [truths.all[0].0.width, truths.all[0].0.height];
     let mut found = Vec::new();
-    for series in 0..study.series.len() {
+    for series in (0..study.series.len()).filter(|s| truths.of[*s].is_some()) {
         let members = study.members(facet, series);
         let Some(member) = members.iter().find(|m| m.run.done() && !m.run.pictures.is_empty()) else { continue };
         let Some((row, path)) = nearest(study, member, moment) else { continue };
         let Some(image) = read(path, pictures, notes) else { continue };
-        if size.is_some_and(|size| size != [image.width, image.height]) {
+        if size != [image.width, image.height] {
             notes.push(format!("{} has another size than its reference and is not compared", path.display()));
             continue;
         }
@@ -114,13 +148,18 @@ fn read(path: &Path, pictures: &Pictures, notes: &mut Vec<String>) -> Option<Ima
 }
 
 /// The sRGB tone map under which a picture is well exposed: as many whole stops as bring the brightness that 97 of 100
-/// pixels stay below next to white, at most ten either way.
+/// pixels stay below next to white, or more where half of the pixels would then stay below a tenth, as in a room with
+/// bright windows; at most ten either way.
 pub fn exposure(image: &Image) -> Tonemap {
     let mut brightest: Vec<f32> =
         image.data.iter().map(|p| p[0].max(p[1]).max(p[2])).filter(|v| v.is_finite()).collect();
     brightest.sort_unstable_by(f32::total_cmp);
-    let high = brightest.get(brightest.len() * 97 / 100).copied().unwrap_or(1.0);
-    let stops = if high > 0.0 { (0.9 / f64::from(high)).log2().floor().clamp(-10.0, 10.0) } else { 0.0 };
+    let stops = |share: usize, place: f64| {
+        let value = brightest.get(brightest.len() * share / 100).copied().unwrap_or(1.0);
+        if value > 0.0 { (place / f64::from(value)).log2().floor() } else { f64::NEG_INFINITY }
+    };
+    let stops = stops(97, 0.9).max(stops(50, 0.1));
+    let stops = if stops.is_finite() { stops.clamp(-10.0, 10.0) } else { 0.0 };
     Tonemap::Srgb { exposure: stops as f32 }
 }
 
@@ -148,5 +187,8 @@ mod tests {
         assert_eq!(exposed(0.9), Tonemap::Srgb { exposure: 0.0 });
         assert_eq!(exposed(3.0), Tonemap::Srgb { exposure: -2.0 });
         assert_eq!(exposed(0.0), Tonemap::Srgb { exposure: 0.0 });
+        // A tenth of the picture is a window 64 times as bright as the room.
+        let room = Image::from_fn(10, 10, |x, _| [if x == 0 { 6.4 } else { 0.09 }; 3]);
+        assert_eq!(exposure(&room), Tonemap::Srgb { exposure: 0.0 });
     }
 }

@@ -25,7 +25,7 @@ pub struct Options {
     /// The render time in seconds at which equal-time comparisons look; `None` is the longest that all runs of a panel
     /// reached.
     pub at_time: Option<f64>,
-    /// The two axes of heat maps; `None` is the first two that vary.
+    /// The two axes of heat maps, across and down; `None` is the first that is compared and the first other that varies.
     pub heat: Option<[String; 2]>,
 }
 

@@ -52,6 +52,7 @@ pub fn all(study: &Study, options: &Options, notes: &mut Vec<String>) -> Result<
     for metric in 0..study.metrics.len() {
         grids.push(final_values(study, metric));
     }
+    grids.extend(efficiency(study));
     for metric in 0..study.metrics.len() {
         grids.extend(equal_time(study, options, metric));
         grids.extend(equal_error(study, metric));
@@ -107,17 +108,21 @@ fn frame(study: &Study, name: &str, title: &str, caption: String, unit: &str, di
 fn fill(study: &Study, mut grid: Grid, order: Order, value: impl Fn(usize, &Member) -> Option<Sample>) -> Grid {
     for facet in 0..study.facets.len() {
         let (mut samples, mut entries): (Vec<Vec<Sample>>, Vec<Entry>) = Default::default();
+        let mut complete = Vec::new();
         for series in 0..study.series.len() {
             let members = study.members(facet, series);
-            let finished = members.iter().filter(|m| m.run.done());
+            let finished = || members.iter().filter(|m| m.run.done());
             let (of, values): (Vec<String>, Vec<Sample>) =
-                finished.filter_map(|m| Some((m.run.id.clone(), value(facet, m)?))).unzip();
+                finished().filter_map(|m| Some((m.run.id.clone(), value(facet, m)?))).unzip();
+            complete.push(values.len() == finished().count());
             entries.push(Entry { of, ..entry(&values) });
             samples.push(values);
         }
         let mut first = 0;
         for (_, span) in &grid.groups {
-            if let Some(best) = best(&samples[first..first + span], order) {
+            // What ran and has no value here may have been better.
+            let known = complete[first..first + span].iter().all(|all| *all);
+            if let Some(best) = best(&samples[first..first + span], order).filter(|_| known) {
                 entries[first + best].best = true;
             }
             first += span;
@@ -262,6 +267,31 @@ fn final_values(study: &Study, metric: usize) -> Grid {
     let digits = Digits::Significant(4);
     let grid = frame(study, &format!("final-{}", spec.column), &title, caption, &spec.unit(), digits);
     fill(study, grid, order_of(study, metric), |_, m| Some(Sample::Is(m.value(m.run.rows.last()?, metric)?)))
+}
+
+/// What a second of each technique is worth: the reciprocal of squared error times render time, which stays the same
+/// however long an unbiased technique runs [Veach 1997, 2.4.2]. The reference's own error is taken off where it is known.
+fn efficiency(study: &Study) -> Option<Grid> {
+    let named = |name: &&str| study.metrics.iter().position(|m| m.row.name == *name);
+    let metric = ["mse", "rmse", "relmse"].iter().find_map(named)?;
+    let spec = &study.metrics[metric];
+    let square = spec.row.name == "rmse";
+    let what = if square { format!("square of {}", spec.row.label) } else { spec.row.label.to_owned() };
+    let text = format!(
+        "Efficiency: 1 / ({what} × render time) when each run stopped, without the reference's own error where that is \
+         known, mean over repeats"
+    );
+    let unit = if square { format!("({})²", spec.unit()) } else { spec.unit() };
+    let unit = if spec.unit().is_empty() { "1/s".to_owned() } else { format!("1/({unit} s)") };
+    let grid = frame(study, "efficiency", "Efficiency", with_clock(study, &text), &unit, Digits::Significant(3));
+    Some(fill(study, grid, Order::Higher, |_, m| {
+        let last = m.run.rows.last()?;
+        let error = m.value(last, metric)?;
+        let floor = m.run.floors.iter().find(|(column, _)| *column == spec.column).map(|(_, floor)| *floor);
+        let error = floor.and_then(|floor| spec.net(error, floor)).unwrap_or(error);
+        let error = if square { error * error } else { error };
+        Some(1.0 / (error * last.render_s)).filter(|e| e.is_finite() && *e > 0.0).map(Sample::Is)
+    }))
 }
 
 /// A run's curve of a metric over render time.

@@ -80,6 +80,7 @@ fn run(
         scene: format!("{scene}.scn"),
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),
+        peer: None,
         state: State::Done("128 samples per pixel".to_owned()),
         rows: rows.collect(),
         reference: Some(0),
@@ -133,6 +134,7 @@ fn tables_say_what_their_runs_measured() {
     insta::assert_snapshot!("fps", text(&made, "tables/fps-absolute", "md"));
     insta::assert_snapshot!("equal-time", text(&made, "tables/equal-time-rmse", "md"));
     insta::assert_snapshot!("equal-error-tex", text(&made, "tables/equal-error-rmse", "tex"));
+    insta::assert_snapshot!("efficiency", text(&made, "tables/efficiency", "md"));
     insta::assert_snapshot!("time-to-csv", text(&made, "tables/time-to-ssim-0.95", "csv"));
 }
 
@@ -147,7 +149,7 @@ fn curves_are_drawn_with_bands_floor_stops_and_names() {
     let samples = text(&made, "figures/error-samples-ssim", "svg");
     assert!(samples.contains(">1 − SSIM</text>") && !samples.contains("noise of the reference"));
     let tex = text(&made, "figures/error-time-rmse", "tex");
-    assert!(tex.contains("{error-time-rmse.dat}") && tex.contains("\\addlegendentry{nee}"), "{tex}");
+    assert!(tex.contains("{error-time-rmse.dat}") && tex.matches("\\addlegendentry{nee}").count() == 1, "{tex}");
     let dat = text(&made, "figures/error-time-rmse", "dat");
     let header = dat.lines().find(|l| !l.starts_with('#')).unwrap();
     assert!(header.starts_with("f0s0x f0s0y f0s0l f0s0u f0s1x"), "{header}");
@@ -272,7 +274,7 @@ fn a_night_without_references_has_rates_and_a_page() {
         run.rows.iter_mut().for_each(|row| row.metrics.clear());
     }
     let made = report(&[bare], &Options::default());
-    assert!(text(&made, "tables/fps-absolute", "md").contains("98.06"));
+    assert!(text(&made, "tables/fps-absolute", "md").contains("98.1"));
     assert!(made.items.iter().all(|i| i.kind != Kind::Figure), "there is nothing to draw");
     let page = text(&made, "index", "html");
     assert!(page.contains("\"metrics\":[]") && page.contains("\"views\":[]"));
@@ -314,4 +316,40 @@ fn names_cannot_break_out_of_page_tables_or_figures() {
     let tex = text(&made, "tables/fps-absolute", "tex");
     assert!(!tex.contains("\\input") && tex.contains("\\textbackslash{}input\\_"), "{tex}");
     assert!(made.items.iter().all(|i| i.files().is_ok()));
+}
+
+#[test]
+fn each_series_is_measured_against_the_reference_of_its_own() {
+    let mut own = night("Sample GPU", 1.0);
+    own.references.push(Truth { picture: Some(PathBuf::from("second.exr")), ..own.references[0].clone() });
+    for run in own.runs.iter_mut().filter(|run| run.integrator == "nee") {
+        run.reference = Some(1);
+        run.floors = vec![("rmse".to_owned(), 0.01)];
+    }
+    // What nee is measured against is brighter by as much as nee is, so that nothing is wrong with its picture.
+    let brighter = |path: &Path| {
+        let image = picture(path)?;
+        let name = path.display().to_string();
+        let factor = if name.starts_with("second") || name.starts_with("nee") { 2.0 } else { 1.0 };
+        Ok(Image { data: image.data.iter().map(|p| p.map(|x| x * factor)).collect(), ..image })
+    };
+    let nights = [own];
+    let study = Study::new(&nights, &Options::default()).unwrap();
+    let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
+    let around = Surroundings { pictures: &brighter, link: &link, command: &command };
+    let made = build(&study, &Options::default(), &around).unwrap();
+    let caption = &item(&made, "figures/crops-equal-time-box").caption;
+    assert!(caption.contains("the one shown is that of bpt"), "{caption}");
+    let svg = text(&made, "figures/error-time-rmse", "svg");
+    assert!(!svg.contains("noise of the reference"), "there is no common floor");
+    assert!(item(&made, "figures/error-time-rmse").caption.contains("Dotted: the noise of each series' own reference"));
+    let page = text(&made, "index", "html");
+    let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).unwrap().0;
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    let images = data["views"][0]["images"].as_array().unwrap();
+    let names: Vec<&str> = images.iter().map(|i| i["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["reference", "bpt", "nee", "reference of nee"]);
+    let truths: Vec<u64> = images.iter().map(|i| i["truth"].as_u64().unwrap()).collect();
+    assert_eq!(truths, [0, 0, 3, 3]);
+    assert_eq!(data["runs"][0]["floors"][0], 0.004);
 }

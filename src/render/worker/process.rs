@@ -5,7 +5,8 @@ use std::io::{self, BufRead, BufReader, BufWriter};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use super::frame;
 use super::message::{Reply, Request};
@@ -22,6 +23,9 @@ pub struct Launcher {
 /// Lines of a worker that are kept, to be told when it dies.
 const LAST_WORDS: usize = 3;
 
+/// Looks at a process that may be about to end, ten milliseconds apart.
+const LAST_MOMENTS: u32 = 50;
+
 /// A worker that runs, or has died.
 #[derive(Debug)]
 pub struct Process {
@@ -29,6 +33,8 @@ pub struct Process {
     requests: BufWriter<ChildStdin>,
     replies: BufReader<ChildStdout>,
     last_words: Arc<Mutex<VecDeque<String>>>,
+    /// Hears what it says until it ends.
+    listener: Option<JoinHandle<()>>,
     /// The hash of the scene that it keeps.
     pub(super) scene: [u8; 32],
     /// The next run's number.
@@ -57,9 +63,10 @@ impl Process {
             return Err("no worker process: it has no pipes".to_owned());
         };
         let last_words = Arc::default();
-        listen(talk, Arc::clone(&last_words)).map_err(failed)?;
+        let listener = Some(listen(talk, Arc::clone(&last_words)).map_err(failed)?);
         let (requests, replies) = (BufWriter::new(requests), BufReader::with_capacity(1 << 16, replies));
-        let mut process = Process { child, requests, replies, last_words, scene: [0; 32], runs: 0, dead: None };
+        let mut process =
+            Process { child, requests, replies, last_words, listener, scene: [0; 32], runs: 0, dead: None };
         match process.hear()? {
             Reply::Ready(version) if version == super::VERSION => Ok(process),
             Reply::Ready(version) => {
@@ -109,16 +116,31 @@ impl Process {
         Reply::decode(&message).map_err(|e| self.end(&e.to_string()))
     }
 
+    /// Whether it has ended by itself. A pipe is closed a moment before its process has a status.
+    fn patient_wait(&mut self) -> bool {
+        for _ in 0..LAST_MOMENTS {
+            if self.child.try_wait().ok().flatten().is_some() {
+                return true;
+            }
+            thread::sleep(Duration::from_millis(10));
+        }
+        false
+    }
+
     /// Ends it, if it has not, and says what there is to say.
     pub fn end(&mut self, why: &str) -> String {
         if let Some(how) = &self.dead {
             return how.clone();
         }
         // It may have ended by itself, which its status tells; one that hangs tells nothing.
-        let by_itself = self.child.try_wait().ok().flatten();
+        let by_itself = self.patient_wait();
         let _ = self.child.kill();
         let status = self.child.wait().map_or_else(|e| e.to_string(), |status| status.to_string());
-        let status = if by_itself.is_some() { format!(", {status}") } else { String::new() };
+        let status = if by_itself { format!(", {status}") } else { String::new() };
+        if let Some(listener) = self.listener.take() {
+            // A panic there would lose its last words and nothing else.
+            let _ = listener.join();
+        }
         let words = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
         let said = words.iter().map(String::as_str).collect::<Vec<_>>().join("; ");
         let said = if said.is_empty() { said } else { format!(" (it said: {said})") };
@@ -128,12 +150,13 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
+        let _ = self.child.kill();
         self.end("it is no longer needed");
     }
 }
 
 /// Hands what a worker says on to the log, and keeps the end of it.
-fn listen(talk: ChildStderr, last: Arc<Mutex<VecDeque<String>>>) -> io::Result<()> {
+fn listen(talk: ChildStderr, last: Arc<Mutex<VecDeque<String>>>) -> io::Result<JoinHandle<()>> {
     let work = move || {
         for line in BufReader::new(talk).lines().map_while(Result::ok).filter(|line| !line.is_empty()) {
             tracing::warn!("worker: {}", line.strip_prefix("warning: ").unwrap_or(&line));
@@ -144,5 +167,5 @@ fn listen(talk: ChildStderr, last: Arc<Mutex<VecDeque<String>>>) -> io::Result<(
             last.push_back(line);
         }
     };
-    thread::Builder::new().name("worker-log".to_owned()).spawn(work).map(drop)
+    thread::Builder::new().name("worker-log".to_owned()).spawn(work)
 }

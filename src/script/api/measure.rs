@@ -44,13 +44,22 @@ const RESERVED: &[&str] = &[
 pub const KEEP: Table = Table {
     name: "Keep",
     doc: "Which pictures are kept of every run.",
-    fields: &[Field {
-        key: "exr",
-        ty: Ty::Word(&["last", "pow2"]),
-        required: false,
-        default: "last",
-        doc: "`last` keeps the final picture, `pow2` also one at every power of two of samples per pixel",
-    }],
+    fields: &[
+        Field {
+            key: "exr",
+            ty: Ty::Word(&["last", "pow2"]),
+            required: false,
+            default: "last",
+            doc: "`last` keeps the final picture, `pow2` also one at every power of two of samples per pixel",
+        },
+        Field {
+            key: "png",
+            ty: Ty::Word(&["last", "every"]),
+            required: false,
+            default: "last",
+            doc: "`last` keeps the final picture as it is displayed, `every` also one at every measurement",
+        },
+    ],
 };
 
 /// The table that `x:measure` takes; every other key is a metric column.
@@ -176,7 +185,13 @@ fn data_table(lua: &Lua, map: &BTreeMap<String, Value>) -> mlua::Result<mlua::Ta
 
 /// What is measured when a script says nothing: the picture alone.
 pub fn nothing() -> Measure {
-    Measure { every_s: 0.5, metrics: Vec::new(), snapshots: Snapshots::Last, display: Tonemap::Srgb { exposure: 0.0 } }
+    Measure {
+        every_s: 0.5,
+        metrics: Vec::new(),
+        snapshots: Snapshots::Last,
+        captures: false,
+        display: Tonemap::Srgb { exposure: 0.0 },
+    }
 }
 
 fn measure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
@@ -201,10 +216,11 @@ fn read(table: &mlua::Table) -> Result<Measure, SchemaError> {
         }
         measure.every_s = every;
     }
-    let keep = fields.values.get("keep").and_then(Value::as_map).and_then(|k| k.get("exr")).and_then(Value::as_str);
-    if keep == Some("pow2") {
+    let keep = |kind: &str| fields.values.get("keep")?.as_map()?.get(kind)?.as_str();
+    if keep("exr") == Some("pow2") {
         measure.snapshots = Snapshots::Pow2;
     }
+    measure.captures = keep("png") == Some("every");
     if let Some(display) = fields.values.get("display") {
         measure.display = Tonemap::from_value("measure.display", display)?;
     }

@@ -10,6 +10,7 @@ use crate::render::hierarchy::{ACCEL, AccelSpec};
 use crate::scene::desc::TextureSlot;
 use crate::transport::camera::{FILTER_NAMES, FilterKind, FilterSpec};
 use crate::transport::flight::Timing;
+use crate::transport::integrator::external::EXTERNALS;
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::transport::sampler::SAMPLER_NAMES;
 use crate::transport::timing::FILM;
@@ -17,11 +18,11 @@ use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_key, unknown_name};
 
 /// Names of the integrators, for the annotations.
-const INTEGRATOR_NAMES: [&str; INTEGRATORS.len()] = {
-    let mut names = [""; INTEGRATORS.len()];
+const INTEGRATOR_NAMES: [&str; INTEGRATORS.len() + EXTERNALS.len()] = {
+    let mut names = [""; INTEGRATORS.len() + EXTERNALS.len()];
     let mut i = 0;
     while i < names.len() {
-        names[i] = INTEGRATORS[i].name;
+        names[i] = if i < INTEGRATORS.len() { INTEGRATORS[i].name } else { EXTERNALS[i - INTEGRATORS.len()].name };
         i += 1;
     }
     names

@@ -23,6 +23,7 @@ const PLAIN_VALUES: &[(&str, TableValue)] = &[
     ("samples", TableValue::Samples),
     ("render_s", TableValue::RenderS),
     ("mpaths_s", TableValue::MpathsPerS),
+    ("fps", TableValue::Fps),
     ("mrays_s", TableValue::MraysPerS),
     ("accel_build_s", TableValue::AccelBuildS),
     ("accel_nodes", TableValue::AccelNodes),
@@ -76,7 +77,8 @@ pub const TABLE: Table = Table {
             ty: Ty::Object("string|TimeTo"),
             required: true,
             default: "",
-            doc: "a metric column (its final value), `samples`, `render_s`, `mpaths_s`, or time_to(column, threshold)",
+            doc: "a metric column (its final value), `samples`, `render_s`, `mpaths_s`, `fps` (samples of every pixel \
+                  per second of render time), or time_to(column, threshold)",
         },
         Field {
             key: "rows",

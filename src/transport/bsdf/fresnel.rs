@@ -19,19 +19,17 @@ pub struct Interface {
 pub fn dielectric(cos_i: f32, ior: f32) -> Interface {
     let eta = if cos_i >= 0.0 { ior } else { 1.0 / ior };
     let cos_i = cos_i.abs().min(1.0);
-    // With g = eta cos_t the amplitudes are (eta^2 cos_i - g) / (eta^2 cos_i + g) and (cos_i - g) / (cos_i + g).
-    let eta2 = eta * eta;
-    let g2 = eta2 - (1.0 - cos_i * cos_i);
-    if g2 <= 0.0 {
+    let cos2_t = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
+    if cos2_t <= 0.0 {
         return Interface { reflectance: 1.0, cos_t: 0.0, eta };
     }
-    let g = g2.sqrt();
-    let (along, across) = (eta2 * cos_i + g, cos_i + g);
+    let cos_t = cos2_t.sqrt();
+    // Both amplitudes with one division.
+    let (along, across) = (eta * cos_i + cos_t, cos_i + eta * cos_t);
     let scale = 1.0 / (along * across);
-    let parallel = (eta2 * cos_i - g) * across * scale;
-    let perpendicular = (cos_i - g) * along * scale;
-    let reflectance = 0.5 * (parallel * parallel + perpendicular * perpendicular);
-    Interface { reflectance, cos_t: g / eta, eta }
+    let parallel = (eta * cos_i - cos_t) * across * scale;
+    let perpendicular = (cos_i - eta * cos_t) * along * scale;
+    Interface { reflectance: 0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t, eta }
 }
 
 /// Reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].

@@ -1,7 +1,9 @@
-//! Integrators: ways of finding the light that reaches a pixel, one file and one table row each.
+//! Integrators: ways of finding the light that reaches a pixel, one file and one table row each; and the names of those
+//! of other programs.
 
 pub mod bdpt;
 pub mod bpt;
+pub mod external;
 pub mod nee;
 pub mod oracle;
 pub mod settings;
@@ -62,7 +64,7 @@ pub struct IntegratorRow {
 /// Every integrator there is.
 pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW, nee::ROW, bdpt::ROW];
 
-/// The row with this name.
+/// The row with this name, of our own or of [another program](external).
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {
-    INTEGRATORS.iter().find(|row| row.name == name)
+    INTEGRATORS.iter().chain(external::EXTERNALS).find(|row| row.name == name)
 }

@@ -38,6 +38,13 @@ function curves(data, showRuns) {
     return made;
   }
 
+  // A value as it is drawn: errors as they are, what is best at 1 by its distance from that.
+  function shown(metric, y) {
+    if (y === null || y === undefined) return NaN;
+    if (metric.magnitude) y = Math.abs(y);
+    return metric.complement !== null ? metric.complement - y : y;
+  }
+
   function lines() {
     const metric = data.metrics[pick("metric").value];
     const x = Number(pick("x").value) === 0 ? 1 : 0;
@@ -47,10 +54,7 @@ function curves(data, showRuns) {
       if (run.facet !== facet || hidden.has(run.series)) continue;
       const points = [];
       for (const row of run.rows) {
-        let y = row[2 + metric.index];
-        if (y === null || y === undefined) continue;
-        if (metric.magnitude) y = Math.abs(y);
-        if (metric.complement !== null) y = metric.complement - y;
+        const y = shown(metric, row[2 + metric.index]);
         if (row[x] > 0 && Number.isFinite(y) && (!metric.log || y > 0)) points.push([row[x], y]);
       }
       if (points.length) found.push({ run, points });
@@ -120,6 +124,20 @@ function curves(data, showRuns) {
     svg.append(clip);
     const inside = element("g", { "clip-path": "url(#inside)" });
     svg.append(inside);
+    // Below the noise of the reference, curves measure the reference.
+    const floors = found.map((l) => [l.run.series, shown(metric, l.run.floors[metric.index])]).filter((f) => metric.log && f[1] > 0);
+    const floor = Math.max(...floors.map((f) => f[1])), shared = floors.every((f) => f[1] > floor * (1 - 1e-9));
+    for (const [series, own] of shared ? [] : floors) if (own > y0) inside.append(element("line", {
+      x1: left, x2: width - right, y1: Y(own), y2: Y(own), stroke: data.series[series].colour, "stroke-dasharray": "2 3", class: "floor",
+    }));
+    if (shared && floor > y0) {
+      const at = Math.max(Y(floor), top);
+      inside.append(element("rect", { x: left, y: at, width: width - left - right, height: height - bottom - at, fill: "#d9d9d9", "fill-opacity": 0.55, class: "floor" }));
+      inside.append(element("line", { x1: left, x2: width - right, y1: at, y2: at, stroke: "#6b6b6b", "stroke-dasharray": "2 3" }));
+      const label = element("text", { x: left + 6, y: Math.min(at + 15, height - bottom - 5), "font-size": 12, fill: "#6b6b6b" });
+      label.textContent = "noise of the reference";
+      inside.append(label);
+    }
     for (const { run, points } of found) {
       const s = data.series[run.series];
       inside.append(element("polyline", {

@@ -85,6 +85,9 @@ fn data(study: &Study, around: &Surroundings, views: Vec<Json>) -> Json {
         let values = |row: &crate::experiment::WaveRow| -> Vec<Json> {
             (0..study.metrics.len()).map(|i| number(m.value(row, i))).collect()
         };
+        let floor = |metric: &crate::metrics::MetricSpec| {
+            number(m.run.floors.iter().find(|(column, _)| *column == metric.column).map(|(_, value)| *value))
+        };
         let rows = m.run.rows.iter().map(|row| [vec![json!(row.samples), json!(row.render_s)], values(row)].concat());
         json!({
             "id": m.run.id, "night": night, "facet": facet, "series": series, "repeat": m.run.repeat, "state": state,
@@ -93,7 +96,7 @@ fn data(study: &Study, around: &Surroundings, views: Vec<Json>) -> Json {
             "rate": number(m.run.samples_per_s()),
             "last": last.map(values).unwrap_or_default(),
             "link": (around.link)(&m.run.folder), "command": (around.command)(&m.run.folder),
-            "rows": rows.collect::<Vec<_>>(),
+            "rows": rows.collect::<Vec<_>>(), "floors": study.metrics.iter().map(floor).collect::<Vec<_>>(),
         })
     });
     let magma = (0..=255u8).map(|i| Colours::Magma.at(f32::from(i) / 255.0)).collect::<Vec<_>>();

@@ -36,7 +36,7 @@ function viewer(data) {
   const shown = () => current().images[state.image];
 
   function paint() {
-    const view = current(), image = shown(), truth = view.images[0];
+    const view = current(), image = shown(), truth = view.images[image.truth];
     const { width, height } = view;
     canvas.width = width;
     canvas.height = height;
@@ -67,7 +67,7 @@ function viewer(data) {
     let line = image.samples === null ? image.name + ": " + image.words
       : `${image.name}: ${image.samples} spp, ${image.render_s} s   ${numbers}`;
     if (at) {
-      const j = 3 * (at[1] * current().width + at[0]), v = pixels(image), r = pixels(current().images[0]);
+      const j = 3 * (at[1] * current().width + at[0]), v = pixels(image), r = pixels(current().images[image.truth]);
       const three = (p) => [0, 1, 2].map((c) => p[j + c].toPrecision(4)).join(" ");
       line += `\n${at[0]}, ${at[1]}: ${three(v)}   reference ${three(r)}`;
     } else line += "\n ";

@@ -9,41 +9,50 @@ use crate::metrics::tonemap::Tonemap;
 use crate::output::plot::svg::base64;
 use crate::output::report::Pictures;
 use crate::output::report::crops::flip;
-use crate::output::report::shots::{self, Moment, Shot};
+use crate::output::report::shots::{self, Moment, Shot, Truths};
 use crate::output::report::study::Study;
 
 /// The most bytes that the half floats of all pictures take together.
 const MOST_BYTES: usize = 48 << 20;
 
-/// One view for each facet with a reference: the reference and the final picture of every series.
+/// One view for each facet with a reference: its references and the final picture of every series.
 pub fn all(study: &Study, pictures: &Pictures, notes: &mut Vec<String>) -> Vec<Json> {
     let mut facets = Vec::new();
     for facet in 0..study.facets.len() {
-        let Some((truth, words)) = shots::reference(study, facet, pictures, notes) else { continue };
-        let size = Some([truth.width, truth.height]);
-        let taken = shots::shots(study, facet, Moment::End, size, pictures, notes);
+        let Some(truths) = shots::references(study, facet, pictures, notes) else { continue };
+        let taken = shots::shots(study, facet, Moment::End, &truths, pictures, notes);
         if !taken.is_empty() {
-            facets.push((facet, truth, words, taken));
+            facets.push((facet, truths, taken));
         }
     }
-    let bytes: usize = facets.iter().map(|(_, truth, _, taken)| truth.data.len() * 6 * (taken.len() + 1)).sum();
+    let size = |(_, truths, taken): &(usize, Truths, Vec<Shot>)| {
+        truths.all[0].0.data.len() * 6 * (taken.len() + truths.all.len())
+    };
+    let bytes: usize = facets.iter().map(size).sum();
     let mut shrink = 1u32;
     while bytes / (shrink * shrink) as usize > MOST_BYTES {
         shrink *= 2;
     }
-    facets.iter().map(|(facet, truth, words, taken)| view(study, *facet, (truth, words), taken, shrink)).collect()
+    facets.iter().map(|(facet, truths, taken)| view(study, *facet, truths, taken, shrink)).collect()
 }
 
-fn view(study: &Study, facet: usize, (truth, words): (&Image, &str), taken: &[Shot], shrink: u32) -> Json {
-    let display = shots::exposure(truth);
+/// The first reference, every series, and then the references of series that have others. `truth` is the place of what an
+/// image is compared with.
+fn view(study: &Study, facet: usize, truths: &Truths, taken: &[Shot], shrink: u32) -> Json {
+    let (first, words) = &truths.all[0];
+    let display = shots::exposure(first);
     let Tonemap::Srgb { exposure } = display else { return Json::Null };
     let flip = flip(study, display);
-    let small = smaller(truth, shrink);
-    let mut images = vec![json!({
-        "name": "reference", "words": words, "samples": Json::Null, "metrics": [], "half": halves(&small),
-    })];
+    let small = smaller(first, shrink);
+    let reference = |name: String, words: &str, image: &Image, truth: usize| {
+        json!({
+            "name": name, "words": words, "samples": Json::Null, "metrics": [], "half": halves(image), "truth": truth,
+        })
+    };
+    let place = |truth: usize| if truth == 0 { 0 } else { taken.len() + truth };
+    let mut images = vec![reference("reference".to_owned(), words, &small, 0)];
     for shot in taken {
-        let map = flip.as_ref().and_then(|flip| flip.error_map(&shot.image, truth).ok());
+        let map = flip.as_ref().and_then(|flip| flip.error_map(&shot.image, truths.of(shot)).ok());
         let map = map.map(|map| Image {
             width: map.width,
             height: map.height,
@@ -58,8 +67,12 @@ fn view(study: &Study, facet: usize, (truth, words): (&Image, &str), taken: &[Sh
         images.push(json!({
             "name": study.series[shot.series].full(), "run": shot.run, "samples": shot.samples,
             "render_s": brief(shot.render_s), "metrics": metrics, "half": halves(&smaller(&shot.image, shrink)),
-            "flip": map.map(|map| base64(&bytes(map))),
+            "flip": map.map(|map| base64(&bytes(map))), "truth": place(truths.of[shot.series].unwrap_or(0)),
         }));
+    }
+    for (truth, (image, words)) in truths.all.iter().enumerate().skip(1) {
+        let owner = truths.owner(truth).map_or(String::new(), |series| format!(" of {}", study.series[series].full()));
+        images.push(reference(format!("reference{owner}"), words, &smaller(image, shrink), place(truth)));
     }
     json!({
         "name": study.facet_label(facet), "width": small.width, "height": small.height, "exposure": exposure,
