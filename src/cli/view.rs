@@ -28,7 +28,10 @@ pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {
     let mut write = |file: TimeFile| {
         let path = folder.join(&file.name);
         std::fs::write(&path, &file.bytes).map_err(|e| Failure::internal(format!("{}: {e}", path.display())))?;
-        written.push(shown(&path));
+        let name = shown(&path);
+        if !written.contains(&name) {
+            written.push(name);
+        }
         Ok::<_, Failure>(())
     };
     let encoded = |e: crate::output::OutputError| Failure::internal(e.to_string());
