@@ -96,14 +96,14 @@ fn explain_names_the_field_that_differs_or_the_file_that_is_damaged() {
 fn a_full_disk_is_waited_for() {
     let place = Workplace::new();
     std::fs::create_dir(place.path("out")).unwrap();
-    let mount = Command::new("mount").args(["-t", "tmpfs", "-o", "size=4m", "none"]).arg(place.path("out")).output();
+    let mount = Command::new("mount").args(["-t", "tmpfs", "-o", "size=16m", "none"]).arg(place.path("out")).output();
     if !mount.is_ok_and(|ended| ended.status.success()) {
         println!("SKIPPED: no file system can be mounted here");
         return;
     }
     let script = place.read("night.lua").replace("resolution = { 24, 16 }", "resolution = { 160, 120 }");
     place.write("night.lua", &script.replace("keep = { exr = \"pow2\" }", "keep = { exr = \"last\" }"));
-    std::fs::write(place.path("out/ballast"), vec![7; 3_900_000]).unwrap();
+    std::fs::write(place.path("out/ballast"), vec![7; 16_480_000]).unwrap();
     let mut command = place.command(&["run", "night.lua", "--no-tui"]);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();

@@ -138,8 +138,10 @@ fn more_triangles_than_a_scene_can_have_are_refused_before_they_are_made() {
     let text = format!("{{ \"entities\": [ {} ] }}", vec![entity; 4_000].join(","));
     let folder = Folder::new(&[("a.scn", &text), ("m.obj", &obj)]);
     let (desc, _) = folder.load("a.scn").unwrap();
-    let e = compile(&desc).unwrap_err().to_string();
+    let e = compile::compile_sharing(&desc, compile::Sharing::Never).unwrap_err().to_string();
     assert!(e.contains("80000000"), "{e}");
+    // Kept once, they are few.
+    assert_eq!(compile(&desc).unwrap().0.triangles.len(), 20_000);
 }
 
 proptest! {

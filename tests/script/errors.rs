@@ -126,7 +126,7 @@ fn wrong_measurements() {
         (MEASURE, "x:measure { every = 0 }", 7, "measure.every: 0 s is too short"),
         (MEASURE, "x:measure { samples = metric.rmse() }", 7, "`samples` is always recorded"),
         (MEASURE, "x:measure { keep = { exr = \"pow3\" } }", 7, "measure.keep.exr: unknown word `pow3`"),
-        (MEASURE, "x:measure { keep = {\n  png = { \"last\" } } }", 8, "measure.keep.png: unknown key `png`"),
+        (MEASURE, "x:measure { keep = {\n  jpg = { \"last\" } } }", 8, "measure.keep.jpg: unknown key `jpg`"),
         (MEASURE, "x:measure { display = \"srgb\" }", 7, "measure.display: expected a tone map"),
         (MEASURE, "x:measure { display = tonemap.reinhart {} }", 7, "did you mean `reinhard`?"),
         (MEASURE, "x:measure { display = tonemap.srgb {\n    exposre = 1 } }", 8, "tonemap.srgb.exposre: unknown key"),
