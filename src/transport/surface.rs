@@ -47,7 +47,7 @@ impl<'a> Surface<'a> {
     pub fn of_material(scene: &'a CompiledScene, ray: &Ray, hit: &Hit, material: u32) -> Surface<'a> {
         let i = hit.primitive as usize;
         let material = &scene.materials[material as usize];
-        let mut surface = if i < scene.triangles.len() {
+        let mut surface = if let Some(attributes) = scene.attributes.get(i) {
             let ([a, b, c], [na, nb, nc]) = scene.triangle(hit.primitive, hit.instance);
             let [v, w] = hit.uv;
             let u = 1.0 - v - w;
@@ -57,7 +57,7 @@ impl<'a> Surface<'a> {
                 n_geometric,
                 n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
                 tangent: Vec3::ZERO,
-                uv: uv_at(scene, ray, hit),
+                uv: attributes.uv([v, w]),
                 material,
                 emitter: scene.emitter_of(hit.primitive, hit.instance),
                 overhang: None,
@@ -254,11 +254,7 @@ pub fn lookup_scalar(textures: &[Texture], texture: u32, uv: Vec2, tiling: UvMap
 fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Vec2 {
     let i = hit.primitive as usize;
     match scene.attributes.get(i) {
-        Some(attributes) => {
-            let [a, b, c] = attributes.uvs;
-            let [v, w] = hit.uv;
-            a * (1.0 - v - w) + b * v + c * w
-        }
+        Some(attributes) => attributes.uv(hit.uv),
         None => {
             let sphere = &scene.spheres[i - scene.attributes.len()];
             sphere_uv((ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir))

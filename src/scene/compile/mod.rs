@@ -82,6 +82,15 @@ pub struct TriangleAttributes {
     pub emitter: u32,
 }
 
+impl TriangleAttributes {
+    /// Texture coordinates at a point with these weights of the second and third corner.
+    #[inline]
+    pub fn uv(&self, [v, w]: [f32; 2]) -> Vec2 {
+        let [a, b, c] = self.uvs;
+        a * (1.0 - v - w) + b * v + c * w
+    }
+}
+
 /// An analytic sphere; its front is the outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
