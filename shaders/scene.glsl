@@ -1,5 +1,5 @@
 // Everything that shaders read: one descriptor set for all techniques and backends. The structs are made from
-// src/render/vulkan/layout.rs; src/render/vulkan/upload.rs fills the buffers. Scalar block layout everywhere, so that an
+// src/render/vulkan/layout/; src/render/vulkan/upload.rs fills the buffers. Scalar block layout everywhere, so that an
 // array of vec3 has a stride of 12 bytes. An array without rows is bound with one row of zeros.
 #ifndef SCENE_GLSL
 #define SCENE_GLSL
@@ -25,5 +25,10 @@ layout(set = 0, binding = 12, scalar) restrict readonly buffer EnvironmentRows {
 layout(set = 0, binding = 13, scalar) restrict readonly buffer EnvironmentCells { float environment_cells[]; };
 // Of every film of layers its place among those on which splats land, or NONE.
 layout(set = 0, binding = 14, scalar) restrict readonly buffer SplatSlots { uint splat_slots[]; };
+
+// Composed and delayed materials: the parts of all, the profiles of all parts, and the knots of tables.
+layout(set = 0, binding = 15, scalar) restrict readonly buffer MaterialParts { MaterialPart material_parts[]; };
+layout(set = 0, binding = 16, scalar) restrict readonly buffer DelayProfiles { DelayProfile delay_profiles[]; };
+layout(set = 0, binding = 17, scalar) restrict readonly buffer Knots { Knot knots[]; };
 
 #endif

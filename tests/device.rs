@@ -15,6 +15,7 @@ mod device {
     mod night;
     mod parity;
     mod paths;
+    mod times;
     mod twins;
     mod worker;
 }

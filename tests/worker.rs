@@ -5,16 +5,24 @@ mod common;
 
 use std::process::Command;
 use std::sync::Arc;
+use std::time::Instant;
 
 use glam::{Vec2, Vec3, Vec4};
 use lumbre::film::layer::Layer;
+use lumbre::film::time::{TimeAxis, TimeFilter};
+use lumbre::math::piecewise::Piecewise;
 use lumbre::render::cpu::renderer::CpuRenderer;
 use lumbre::render::mock::MockRenderer;
-use lumbre::render::worker::{Launcher, Pool};
+use lumbre::render::worker::{BEAT, Launcher, Pool};
 use lumbre::render::{Job, RenderError, Renderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture, UvMap};
+use lumbre::scene::compile::{
+    DelayParam, DelayProfile, Distribution, Interface, MaskMode, Material, Model, Part, Texture, UvMap,
+};
+use lumbre::scene::desc::{DelayDesc, DelayKind};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
+use lumbre::transport::delay::Profile;
+use lumbre::transport::flight::Timing;
 use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::SOBOL;
 use lumbre::value::Value;
@@ -42,7 +50,7 @@ fn request() -> Job {
 }
 
 fn pool() -> Pool {
-    Pool::new(Launcher { program: env!("CARGO_BIN_EXE_lumbre").into(), arguments: vec!["worker".to_owned()] })
+    Pool::new(Launcher::new(env!("CARGO_BIN_EXE_lumbre").into(), ["worker"]))
 }
 
 fn kill(pid: u32) {
@@ -116,15 +124,43 @@ fn everything() -> (Arc<CompiledScene>, Job) {
             (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(2.5));
             s.tangents =
                 vec![[Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.6, 0.0, -1.0), Vec4::X]; s.triangles.len()];
+            // The first material is made of two parts, one of them delayed twice.
+            let table = DelayDesc { kind: DelayKind::Table, table: vec![0.0, 0.0, 1.0, 2.0], ..DelayDesc::default() };
+            let mut spread = DelayProfile::plain(&DelayDesc { kind: DelayKind::Epanechnikov, ..DelayDesc::default() });
+            spread.params[0].offset = 0.25;
+            spread.params[1] = DelayParam { value: 0.5, offset: 0.1, texture: map };
+            s.delays.profiles = vec![DelayProfile::plain(&table), spread];
+            s.delays.parts = vec![
+                Part { upto: 0.25, material: 1, profiles: [0, 2] },
+                Part { upto: 1.0, material: 0, profiles: [0, 0] },
+            ];
+            s.delays.rows = (0..s.materials.len() as u32).map(|row| [0, if row == 0 { 2 } else { 0 }]).collect();
         })
         .build();
+    let timing = Timing {
+        axis: TimeAxis { start: 0.5, bin: 0.25, bins: 40 },
+        filter: TimeFilter::Gauss(0.5),
+        camera: false,
+        medium: 1.1,
+        emission: Profile::Table(Piecewise::new(&[[0.0, 1.0], [0.5, 3.0], [0.5, 0.5], [2.0, 0.0]])),
+        metres: 0.01,
+    };
     let filter = FilterSpec { kind: FilterKind::Gauss, radius: 1.25 };
     let params = [("mis".to_owned(), Value::from("balance"))].into();
     let layers = vec![Layer::Depth, Layer::Albedo, Layer::Normal];
     let integrator = integrator("bdpt").unwrap();
     (
         scene,
-        Job { integrator, params, filter, layers, sampler: SOBOL, rr_start: Some(2), ..job([16, 12], 4, 1 << 40 | 9) },
+        Job {
+            integrator,
+            params,
+            filter,
+            layers,
+            timing: Some(timing),
+            sampler: SOBOL,
+            rr_start: Some(2),
+            ..job([16, 12], 4, 1 << 40 | 9)
+        },
     )
 }
 
@@ -138,6 +174,7 @@ fn scene_and_job_arrive_as_they_were() {
     here.advance(3).unwrap();
     assert!(here.film().sum.iter().any(|s| s[0] > 0.0));
     assert!(there.film() == here.film(), "every bit of the picture");
+    assert!(here.times().is_some() && there.times() == here.times(), "every bit of every bin");
     assert_eq!(there.layers(), here.layers());
     for i in 0..here.layers().len() {
         assert!(there.layer(i).unwrap() == here.layer(i).unwrap(), "{}", here.layers()[i].name());
@@ -181,6 +218,33 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
     assert_eq!(third.film().samples, 4);
 }
 
+/// A process that is stopped, as by a debugger or a driver that hangs, is neither dead nor does it answer.
+#[cfg(unix)]
+#[test]
+fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another() {
+    let arguments = vec!["worker".to_owned()];
+    let silence = 4 * BEAT;
+    let pool = Pool::new(Launcher { program: env!("CARGO_BIN_EXE_lumbre").into(), arguments, silence });
+    let mut first = pool.open("mock", &scene(), request()).unwrap();
+    first.advance(3).unwrap();
+    let saved = state(&first);
+    // Signs of life while nobody asks anything are no answers.
+    std::thread::sleep(3 * BEAT);
+    first.advance(1).unwrap();
+    let worker = pool.worker_id().unwrap();
+    assert!(Command::new("kill").args(["-STOP", &worker.to_string()]).status().unwrap().success());
+    let start = Instant::now();
+    let error = first.advance(1).unwrap_err();
+    assert!(matches!(error, RenderError::Lost { backend: "mock", .. }), "{error:?}");
+    assert!(error.to_string().contains("it gave no sign of life for 2 s"), "{error}");
+    assert!(start.elapsed() >= silence, "it was given up after {:?}", start.elapsed());
+    assert_eq!(pool.worker_id(), None, "it is ended, and not only left alone");
+    let mut second = pool.open("mock", &scene(), request()).unwrap();
+    second.restore(&saved).unwrap();
+    second.advance(2).unwrap();
+    assert_eq!(second.film().samples, 5);
+}
+
 #[test]
 fn a_worker_ends_with_the_process_that_asked_it() {
     let pool = pool();
@@ -195,9 +259,14 @@ fn a_worker_ends_with_the_process_that_asked_it() {
 fn what_is_no_worker_is_said() {
     let open = |program: &str, arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
-        let pool = Pool::new(Launcher { program: program.into(), arguments });
+        let pool = Pool::new(Launcher { program: program.into(), arguments, silence: 2 * BEAT });
         pool.open("mock", &scene(), request()).err().unwrap().to_string()
     };
+    #[cfg(unix)]
+    {
+        let said = open("sleep", &["100"]);
+        assert!(said.contains("it gave no sign of life for 1 s"), "{said}");
+    }
     let said = open("/nowhere/lumbre", &[]);
     assert!(said.contains("/nowhere/lumbre does not start"), "{said}");
     let said = open(env!("CARGO_BIN_EXE_lumbre"), &["--version"]);

@@ -9,9 +9,9 @@
 #include "transport/ray.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 15, scalar) buffer PixelSums { Sums pixel_sums[]; };
-layout(set = 0, binding = 16, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
-layout(set = 0, binding = 17, scalar) buffer CountersBlock { Counters counters; };
+layout(set = 0, binding = 18, scalar) buffer PixelSums { Sums pixel_sums[]; };
+layout(set = 0, binding = 19, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
+layout(set = 0, binding = 20, scalar) buffer CountersBlock { Counters counters; };
 layout(push_constant, scalar) uniform WaveBlock { Wave wave; };
 
 // The sample in progress: its pixel, what it has brought there, and what was refused.
@@ -22,6 +22,7 @@ uint film_invalid;
 uint film_rays;
 
 #include "film/layers.glsl"
+#include "film/time.glsl"
 #include "film/paths.glsl"
 
 bool trace_closest(Ray ray, float t_max, out Hit hit) {
@@ -43,11 +44,12 @@ void sink(Contribution c) {
     paths_light(c);
     if (c.t != 1u && c.pixel == film_pixel) {
         film_value += c.value;
+        time_own(film_pixel.y * job.resolution.x + film_pixel.x, c);
         film_invalid += layers_own(c);
     } else if (c.value != vec3(0.0)) {
         bool inside = all(lessThan(c.pixel, job.resolution));
         uint at = c.pixel.y * job.resolution.x + c.pixel.x;
-        if (!inside || !splat_add(at, c.value)) {
+        if (!inside || !time_splat(at, c)) {
             film_invalid++;
         } else {
             film_invalid += layers_splat(at, c);
@@ -60,6 +62,7 @@ void film_begin() {
     film_value = vec3(0.0);
     film_invalid = 0u;
     film_rays = 0u;
+    time_begin();
     paths_begin();
 }
 
@@ -71,7 +74,7 @@ void film_end(inout Sums sums, inout Invalid invalid, uint at, uvec2 index) {
     } else {
         film_invalid++;
     }
-    film_invalid += layers_close(at, counts);
+    film_invalid += time_close(at, counts) + layers_close(at, counts);
     if (film_invalid > 0u) {
         if (invalid.count == 0u) {
             invalid.first = index;

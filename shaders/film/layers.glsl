@@ -4,9 +4,9 @@
 
 #ifdef LAYERS
 // Sums, [pixel][film].
-layout(set = 0, binding = 19, scalar) buffer LayerSums { Sums layer_sums[]; };
+layout(set = 0, binding = 22, scalar) buffer LayerSums { Sums layer_sums[]; };
 // What the sample in progress has brought to each film of its own pixel, [pixel][film]; black between samples.
-layout(set = 0, binding = 20, scalar) buffer LayerValues { vec3 layer_values[]; };
+layout(set = 0, binding = 23, scalar) buffer LayerValues { vec3 layer_values[]; };
 
 // What the camera ray of the sample met.
 bool first_found;
@@ -27,8 +27,8 @@ uint layers_give(bool own, uint pixel, uint film, vec3 value) {
         return 0u;
     }
     uint slot = splat_slots[film];
-    uint pixels = job.resolution.x * job.resolution.y;
-    return slot != NONE && splat_add(pixels + pixel * job.splat_films + slot, value) ? 0u : 1u;
+    uint at = splat_slots_of_picture() + pixel * job.splat_films + slot;
+    return slot != NONE && splat_add(at, value) ? 0u : 1u;
 }
 
 // Shares a contribution among the films. Returns how many refused it: one if its path is longer than paths may be.

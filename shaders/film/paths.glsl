@@ -4,7 +4,7 @@
 
 #ifdef PATHS
 // For each column of the row in progress MOST_STEPS steps; those that are not taken stay zero.
-layout(set = 0, binding = 21, scalar) buffer PathSteps { PathStep path_steps[]; };
+layout(set = 0, binding = 24, scalar) buffer PathSteps { PathStep path_steps[]; };
 
 uint path_count;
 
@@ -33,6 +33,7 @@ PathStep paths_ray(uint kind, Ray ray, float t_max) {
     s.unweighted = vec3(0.0);
     s.light_vertices = 0u;
     s.camera_vertices = 0u;
+    s.optical_length = 0.0;
     return s;
 }
 
@@ -59,6 +60,7 @@ void paths_light(Contribution c) {
     s.unweighted = c.unweighted;
     s.light_vertices = c.s;
     s.camera_vertices = c.t;
+    s.optical_length = float(c.optical_length);
     paths_add(s);
 }
 #else

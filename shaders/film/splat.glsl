@@ -1,5 +1,5 @@
 // Splats: light for pixels other than the sample's own, to which any invocation adds. A slot holds three sums and three
-// sums of squares; the slots of all pixels come first, and after them those of layers, `splat_films` for each pixel.
+// sums of squares; the slots of the picture come first, and after them those of layers, `splat_films` for each pixel.
 // `splat_add` returns whether the splat can be counted, and is.
 //
 // With SPLAT_NONE there are none, and they are refused. With SPLAT_FLOAT, six floats that are added to atomically: fast, and the last bits depend on the order. Else six
@@ -11,6 +11,15 @@
 
 #include "film/sums.glsl"
 
+// Slots of the picture: one for each pixel or, with a time axis, for each of its slots. Those of layers follow.
+uint splat_slots_of_picture() {
+    uint pixels = job.resolution.x * job.resolution.y;
+#ifdef TIMES
+    pixels *= job.time_bins + 2u;
+#endif
+    return pixels;
+}
+
 // The greatest absolute value of one splat: 2^32.
 const float MAX_SPLAT = 4294967296.0;
 
@@ -20,7 +29,7 @@ bool splat_add(uint slot, vec3 value) {
 }
 #elif defined(SPLAT_FLOAT)
 #extension GL_EXT_shader_atomic_float : require
-layout(set = 0, binding = 18, scalar) buffer Splats { float splats[]; };
+layout(set = 0, binding = 21, scalar) buffer Splats { float splats[]; };
 
 bool splat_add(uint slot, vec3 value) {
     bool fits = finite(value) && all(lessThanEqual(abs(value), vec3(MAX_SPLAT)));
@@ -33,7 +42,7 @@ bool splat_add(uint slot, vec3 value) {
     return fits;
 }
 #else
-layout(set = 0, binding = 18, scalar) buffer Splats { uint splats[]; };
+layout(set = 0, binding = 21, scalar) buffer Splats { uint splats[]; };
 
 // Word `i` of `mantissa * 2^shift`; what lies below one is cut off.
 uint wide_word(uvec2 mantissa, int shift, int i) {

@@ -1,4 +1,4 @@
-// Written by the test `the_committed_layouts_are_those_of_the_code` from src/render/vulkan/layout.rs: edit that.
+// Written by the test `the_committed_layouts_are_those_of_the_code` from src/render/vulkan/layout/: edit that.
 
 const uint NONE = 4294967295u;
 const uint MODEL_DISNEY = 0u;
@@ -20,6 +20,14 @@ const uint MIS_BALANCE = 1u;
 const uint MIS_UNIFORM = 2u;
 const uint SAMPLER_INDEPENDENT = 0u;
 const uint SAMPLER_SOBOL = 1u;
+const uint DELAY_NONE = 0u;
+const uint DELAY_CONSTANT = 1u;
+const uint DELAY_EXPONENTIAL = 2u;
+const uint DELAY_EPANECHNIKOV = 3u;
+const uint DELAY_TABLE = 4u;
+const uint TIME_FILTER_NONE = 0u;
+const uint TIME_FILTER_BOX = 1u;
+const uint TIME_FILTER_GAUSS = 2u;
 const uint STEP_CLOSEST = 1u;
 const uint STEP_SHADOW = 2u;
 const uint STEP_LIGHT = 3u;
@@ -99,6 +107,32 @@ struct Material {
     uint thin; // 1 where a dielectric is a thin pane, else 0.
     uint nonlinear; // 1 where light that plastic reflects back inside takes on its colour each time, else 0.
     float internal_reflectance; // Part of diffuse light that is reflected back at the inside of plastic.
+    uvec2 parts; // First row in `material_parts` of a composed or delayed material, and how many; none for a plain one.
+};
+
+// A part of a composed or delayed material.
+struct MaterialPart {
+    float upto; // The sum of the weights up to this part; exactly 1 for the last one.
+    uint material; // Index into `materials`.
+    uvec2 profiles; // First row in `delay_profiles`, and how many: their delays add up.
+};
+
+// A profile in time: each of its one or two parameters is `offset + value * texture`.
+struct DelayProfile {
+    uint kind; // DELAY_NONE and so on.
+    vec2 value; // What textures multiply.
+    vec2 offset; // What is added.
+    uvec2 textures; // Textures whose red channel counts, or NONE.
+    float tiling_scale; // Factor from texture coordinates to places in the textures.
+    vec2 tiling_offset; // Offset of the same, in repeats.
+    uvec2 knots; // First row in `knots` of a table, and how many.
+};
+
+// A point of the density of a table, as words of double precision, low word first.
+struct Knot {
+    uvec2 x; // Delay in scene units.
+    uvec2 density; // Density in 1 / scene unit.
+    uvec2 below; // Probability of everything below.
 };
 
 // A texture: texels `[y][x]` from `texels[first]`, linear, origin top-left.
@@ -190,6 +224,14 @@ struct Job {
     uint layer_albedo; // The film of the layer `albedo`, or NONE.
     uint layer_normal; // The film of the layer `normal`, or NONE.
     uint layer_distance; // The film of the layer `distance`, or NONE.
+    uvec2 time_start; // Where the first bin of the time axis begins, in scene units: a double, low word first.
+    uvec2 time_bin; // Width of a bin, likewise.
+    uint time_bins; // Number of bins; 0 without a time axis.
+    uint time_filter; // TIME_FILTER_NONE and so on.
+    uvec2 time_radius; // Half width of the box or sigma of the Gaussian in bins: a double, low word first.
+    uint time_camera; // 1 where the segment between the camera and what it sees first counts, else 0.
+    float time_medium; // Index of refraction of the medium around the camera.
+    uint time_emission; // Row in `delay_profiles` of the pulse of lights, or NONE where they emit at once.
 };
 
 // Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` gathers what rounding took.
@@ -198,6 +240,13 @@ struct Sums {
     vec3 sum_rest; // What rounding took from it.
     vec3 sum2; // Sum of squares.
     vec3 sum2_rest; // What rounding took from it.
+};
+
+// Sums of a pixel's own samples in one slot of its time axis.
+struct TimeSums {
+    vec3 sum; // Sum.
+    vec3 sum_rest; // What rounding took from it.
+    vec3 square; // Sum of squares.
 };
 
 // What else a pixel's samples leave.
@@ -226,6 +275,7 @@ struct PathStep {
     vec3 unweighted; // The same without its weight.
     uint light_vertices; // Vertices found from the light.
     uint camera_vertices; // Vertices found from the camera.
+    float optical_length; // When the light arrives, as an optical length; 0 without a time axis.
 };
 
 // Which samples a dispatch adds, as push constants.

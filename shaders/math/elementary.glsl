@@ -18,6 +18,10 @@ bool is_finite(float x) {
     return (floatBitsToUint(x) & 0x7f800000u) != 0x7f800000u;
 }
 
+bool is_finite(double x) {
+    return (unpackDouble2x32(x).y & 0x7ff00000u) != 0x7ff00000u;
+}
+
 bool is_finite(vec3 v) {
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
@@ -81,6 +85,27 @@ float atan2(float y, float x) {
 // The angle in 0..=pi whose cosine is `x`, for -1..=1.
 float arc_cos(float x) {
     return atan2(sqrt(max((1.0 - x) * (1.0 + x), 0.0)), x);
+}
+
+// The angle in -pi / 2..=pi / 2 whose sine is `x`, for -1..=1.
+float arc_sin(float x) {
+    return atan2(x, sqrt(max((1.0 - x) * (1.0 + x), 0.0)));
+}
+
+// The logarithm of `1 + x`, for x above -1, with the digits of a small x: Vulkan promises `log` to 2^-21 about 1. The series
+// is that of the inverse hyperbolic tangent, between the roots of a half and of two.
+float ln_1p(float x) {
+    precise float y = 1.0 + x;
+    precise float lost = x - (y - 1.0);
+    int exponent = int(floatBitsToUint(y) >> 23) - 127;
+    float m = uintBitsToFloat((floatBitsToUint(y) & 0x7fffffu) | 0x3f800000u);
+    if (m > SQRT_2) {
+        m *= 0.5;
+        exponent += 1;
+    }
+    float s = (m - 1.0) / (m + 1.0), s2 = s * s;
+    float series = 2.0 * s * (1.0 + s2 * (1.0 / 3.0 + s2 * (1.0 / 5.0 + s2 * (1.0 / 7.0 + s2 * (1.0 / 9.0)))));
+    return float(exponent) * 0.693147180559945 + (series + lost / y);
 }
 
 #endif

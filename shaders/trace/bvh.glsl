@@ -9,8 +9,8 @@
 #include "trace/intersect.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 22, scalar) readonly buffer Nodes { uvec4 nodes[]; };
-layout(set = 0, binding = 23, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
+layout(set = 0, binding = 27, scalar) readonly buffer Nodes { uvec4 nodes[]; };
+layout(set = 0, binding = 28, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
 
 const uint STACK = 32u;
 

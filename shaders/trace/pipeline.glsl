@@ -7,7 +7,7 @@
 #include "scene.glsl"
 #include "trace/payload.glsl"
 
-layout(set = 0, binding = 22) uniform accelerationStructureEXT structure;
+layout(set = 0, binding = 27) uniform accelerationStructureEXT structure;
 layout(location = 0) rayPayloadEXT Payload payload;
 
 bool seam_closest(Ray ray, float t_max, out Hit hit) {

@@ -8,7 +8,7 @@
 #include "trace/intersect.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 22) uniform accelerationStructureEXT structure;
+layout(set = 0, binding = 27) uniform accelerationStructureEXT structure;
 
 bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
     rayQueryEXT query;

@@ -2,13 +2,21 @@
 #ifndef TRANSPORT_CONTRIBUTION_GLSL
 #define TRANSPORT_CONTRIBUTION_GLSL
 
-// Light that one path brings to one pixel; fields as in Rust.
+// Optical lengths are doubles where there is a time axis, as in Rust; without one none is counted.
+#ifdef TIMES
+#define Length double
+#else
+#define Length float
+#endif
+
+// Light that one path brings to one pixel; fields as in Rust, whose `length` is a word of GLSL.
 struct Contribution {
     uvec2 pixel;
     vec3 value;
     vec3 unweighted;
     uint s;
     uint t;
+    Length optical_length;
 };
 
 // Edges of the path.

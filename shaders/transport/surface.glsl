@@ -109,6 +109,13 @@ uint material_of(uint primitive) {
         : spheres[primitive - job.triangle_count].material;
 }
 
+// The emitter row of a primitive, or NONE.
+uint emitter_of(uint primitive) {
+    return primitive < job.triangle_count
+        ? attributes[primitive].emitter
+        : spheres[primitive - job.triangle_count].emitter;
+}
+
 // How much of a material there is at texture coordinates: see Rust.
 float coverage(uint material, vec2 uv) {
     uint index = materials[material].mask_texture;
@@ -200,9 +207,10 @@ bool uses_tangents(uint material) {
     return stretched || materials[material].normal_texture != NONE;
 }
 
-// The surface at a hit of `ray`.
-Surface surface_at(Ray ray, Hit hit) {
+// The surface at a hit of `ray` with the material of this row.
+Surface surface_of_material(Ray ray, Hit hit, uint material) {
     Surface s;
+    s.material = material;
     s.tangent = vec3(0.0);
     s.overhang = NO_OVERHANG;
     if (hit.primitive < job.triangle_count) {
@@ -213,7 +221,6 @@ Surface surface_at(Ray ray, Hit hit) {
         s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
         s.n_shading = normalize_or(a.na * weights.x + a.nb * weights.y + a.nc * weights.z, s.n_geometric);
         s.uv = a.ta * weights.x + a.tb * weights.y + a.tc * weights.z;
-        s.material = a.material;
         s.emitter = a.emitter;
         if (materials[s.material].shadow_terminator != 0u) {
             s.overhang = find_overhang(s, ray, hit);
@@ -225,13 +232,17 @@ Surface surface_at(Ray ray, Hit hit) {
         s.n_geometric = n;
         s.n_shading = n;
         s.uv = sphere_uv(n);
-        s.material = ball.material;
         s.emitter = ball.emitter;
     }
     if (uses_tangents(s.material)) {
         surface_orient(s, hit);
     }
     return s;
+}
+
+// The surface at a hit of `ray`; a composed material is shown as a whole.
+Surface surface_at(Ray ray, Hit hit) {
+    return surface_of_material(ray, hit, material_of(hit.primitive));
 }
 
 // This surface as edges meet it that leave from the crest of its overhang, if it has one.

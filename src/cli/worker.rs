@@ -14,7 +14,7 @@ pub fn employ() {
     let itself = Path::new("/proc/self/exe");
     let program = if itself.exists() { Ok(PathBuf::from(itself)) } else { std::env::current_exe() };
     if let Ok(program) = program {
-        render::worker::employ(Launcher { program, arguments: vec!["worker".to_owned()] });
+        render::worker::employ(Launcher::new(program, ["worker"]));
     }
 }
 
@@ -22,7 +22,7 @@ pub fn employ() {
 pub fn main() -> Result<Exit, Failure> {
     Log::install(true);
     deaf().map_err(Failure::internal)?;
-    serve(std::io::stdin().lock(), std::io::stdout().lock(), &render::open).map_err(Failure::internal)?;
+    serve(std::io::stdin().lock(), std::io::stdout(), &render::open).map_err(Failure::internal)?;
     Ok(Exit::Done)
 }
 

@@ -54,6 +54,17 @@ impl Piecewise {
         self.knots.iter().map(|k| [k.x, k.density])
     }
 
+    /// Of every knot its place, its normalised density, and the probability of all before it.
+    pub fn knots(&self) -> impl Iterator<Item = [f64; 3]> {
+        self.knots.iter().map(|k| [k.x, k.density, k.below])
+    }
+
+    /// From what [`Piecewise::knots`] gave.
+    pub fn of_knots(knots: impl IntoIterator<Item = [f64; 3]>) -> Piecewise {
+        let knot = |[x, density, below]: [f64; 3]| Knot { x, density, below };
+        Piecewise { knots: knots.into_iter().map(knot).collect() }
+    }
+
     fn segment(&self, x: f64) -> Option<(Knot, Knot)> {
         let next = self.knots.partition_point(|k| k.x <= x);
         (next >= 1 && next < self.knots.len()).then(|| (self.knots[next - 1], self.knots[next]))

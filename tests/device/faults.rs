@@ -62,8 +62,7 @@ fn a_folder_of_shaders_changes_the_picture_or_names_its_mistake() {
     let named = error.to_string();
     assert!(named.contains("transport/integrator/bpt.glsl:2") && named.contains("oops"), "{named}");
     assert!(matches!(error, VulkanError::Shader(ShaderError::Invalid { .. })));
-    let constant =
-        "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u)); }";
+    let constant = "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u, 0.0)); }";
     std::fs::write(&file, constant).unwrap();
     let mut renderer = open(&device, Kind::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
     renderer.advance(3).unwrap();
@@ -80,7 +79,7 @@ fn invalid_samples_are_counted_and_the_first_is_named() {
     std::fs::create_dir_all(&entry).unwrap();
     let bad = "void bpt_sample(uvec2 pixel, inout Sampler n) {\n\
                float odd = pixel == uvec2(5u, 6u) ? uintBitsToFloat(0x7f800000u) : 1.0;\n\
-               sink(Contribution(pixel, vec3(odd), vec3(odd), 0u, 2u)); }";
+               sink(Contribution(pixel, vec3(odd), vec3(odd), 0u, 2u, 0.0)); }";
     std::fs::write(entry.join("bpt.glsl"), bad).unwrap();
     let sources = Sources::Folder(folder.path().to_owned());
     let mut renderer = open(&device, Kind::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
@@ -138,8 +137,7 @@ fn sums_lose_nothing_over_many_samples() {
     let folder = tempfile::tempdir().unwrap();
     let entry = folder.path().join("transport/integrator");
     std::fs::create_dir_all(&entry).unwrap();
-    let tenth =
-        "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(0.1), vec3(0.1), 0u, 2u)); }";
+    let tenth = "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(0.1), vec3(0.1), 0u, 2u, 0.0)); }";
     std::fs::write(entry.join("bpt.glsl"), tenth).unwrap();
     let sources = Sources::Folder(folder.path().to_owned());
     let mut renderer = open(&device, Kind::Compute, &sources, &job([1, 1], 2, 1)).unwrap();

@@ -2,8 +2,15 @@
 
 use std::sync::{Arc, OnceLock};
 
-use lumbre::render::vulkan::device::{self, Device};
+use glam::Vec3;
+use lumbre::film::time::{TimeAxis, TimeFilter};
+use lumbre::render::vulkan::device::{self, Caps, Device};
 use lumbre::render::vulkan::instance;
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{DelayProfile, Delays, Part};
+use lumbre::scene::desc::{DelayDesc, DelayKind};
+use lumbre::transport::delay::Profile;
+use lumbre::transport::flight::Timing;
 
 /// The device of this process, or `None` after a line `SKIPPED` where there is none.
 pub fn device() -> Option<Arc<Device>> {
@@ -22,6 +29,66 @@ pub fn device() -> Option<Arc<Device>> {
             None
         }
     }
+}
+
+/// The same device without float atomics: splats are whole numbers, whose bits do not depend on chance. One for all tests,
+/// since it keeps the pipelines that they make.
+pub fn exact() -> Option<Arc<Device>> {
+    static SHARED: OnceLock<Arc<Device>> = OnceLock::new();
+    let device = device()?;
+    let caps = Caps { float_atomics: false, ..device.info.caps };
+    Some(Arc::clone(SHARED.get_or_init(|| Device::open(device.info.clone(), caps).unwrap())))
+}
+
+/// A time axis without anything special.
+pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
+    Timing {
+        axis: TimeAxis { start, bin, bins },
+        filter: TimeFilter::None,
+        camera: true,
+        medium: 1.0,
+        emission: Profile::NONE,
+        metres: 0.0,
+    }
+}
+
+/// Delays every third material of a scene by each kind of profile in turn, and composes every other third of two.
+pub fn slow(scene: &mut CompiledScene) {
+    let plain = |kind: DelayKind, a: f32, b: f32| {
+        DelayProfile::plain(&DelayDesc {
+            kind,
+            constant: [a, 0.0],
+            rate: [a, 0.0],
+            mean: [a, 0.0],
+            width: [b, 0.0],
+            table: vec![0.0, 0.0, 0.5, 2.0, 1.0, 0.5],
+        })
+    };
+    let mut delays = Delays {
+        profiles: vec![
+            plain(DelayKind::Constant, 0.5, 0.0),
+            plain(DelayKind::Exponential, 2.0, 0.0),
+            plain(DelayKind::Epanechnikov, 0.5, 0.3),
+            plain(DelayKind::Table, 0.0, 0.0),
+        ],
+        ..Delays::default()
+    };
+    let count = scene.materials.len() as u32;
+    for row in 0..count {
+        let first = delays.parts.len() as u32;
+        let shines = scene.materials[row as usize].emission != Vec3::ZERO;
+        if !shines && row % 3 == 0 {
+            delays.parts.push(Part { upto: 1.0, material: row, profiles: [row / 3 % 4, 1] });
+        } else if !shines && row % 3 == 1 {
+            // The other part must not shine.
+            let dark = |other: &u32| scene.materials[*other as usize].emission == Vec3::ZERO;
+            let other = (1..count).map(|step| (row + step) % count).find(dark).unwrap_or(row);
+            delays.parts.push(Part { upto: 0.375, material: other, profiles: [0, 0] });
+            delays.parts.push(Part { upto: 1.0, material: row, profiles: [row % 3, 2] });
+        }
+        delays.rows.push([first, delays.parts.len() as u32 - first]);
+    }
+    scene.delays = delays;
 }
 
 /// Whether a missing device is a failure.

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use lumbre::film::Film;
 use lumbre::film::layer::{LAYERS, Layer};
 use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::vulkan::device::{Caps, Device};
+use lumbre::render::vulkan::device::Device;
 use lumbre::render::vulkan::program::Kind;
 use lumbre::render::vulkan::renderer::VulkanRenderer;
 use lumbre::render::vulkan::spirv::Sources;
@@ -18,6 +18,7 @@ use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::SOBOL;
 
+use super::corners::{balls, loosely};
 use super::harness;
 use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
 
@@ -81,11 +82,13 @@ pub fn room() -> Arc<CompiledScene> {
         .build()
 }
 
-/// Renders a job on the CPU and on every kind of device, and compares.
-fn same_everywhere(name: &str, scene: &Arc<CompiledScene>, job: &Job, samples: u64) {
+/// Renders a job on the CPU and on some kinds of device, and compares. The kinds differ in how a ray is traced and in nothing
+/// else, and what a software driver compiles takes nearly all of the time of these tests: so every integrator is tested on
+/// every kind, but not every job. What is missing here is in `corners.rs` and `times.rs`.
+fn same_on(of: &[Kind], name: &str, scene: &Arc<CompiledScene>, job: &Job, samples: u64) {
     let Some(device) = harness::device() else { return };
     let expected = common::render(scene, job.clone(), samples);
-    for kind in kinds(&device) {
+    for kind in kinds(&device).into_iter().filter(|kind| of.contains(kind)) {
         let found = render(&device, kind, scene, job, samples);
         compare(&format!("{name} by {}", kind.backend()), &found, &expected);
     }
@@ -128,22 +131,20 @@ pub fn with(name: &str, seed: u64) -> Job {
 
 #[test]
 fn bpt_is_the_same_sample_by_sample() {
-    same_everywhere("bpt", &room(), &with("bpt", 1), 16);
+    same_on(&Kind::ALL, "bpt", &room(), &with("bpt", 1), 16);
 }
 
 #[test]
 fn nee_is_the_same_with_every_light_masks_textures_and_a_lens() {
     let filter = FilterSpec { kind: FilterKind::Gauss, radius: 1.0 };
-    same_everywhere("nee", &lamps(), &Job { filter, ..with("nee", 2) }, 8);
+    same_on(&[Kind::Pipeline, Kind::Query], "nee", &lamps(), &Job { filter, ..with("nee", 2) }, 8);
 }
 
 #[test]
 fn bdpt_is_the_same_sample_by_sample_with_splats_of_either_kind() {
-    let Some(device) = harness::device() else { return };
     let (scene, job) = (room(), with("bdpt", 3));
-    same_everywhere("bdpt", &scene, &job, 4);
-    // The same device without float atomics: whole numbers, whose bits do not depend on chance.
-    let whole = Device::open(device.info.clone(), Caps { float_atomics: false, ..device.info.caps }).unwrap();
+    same_on(&[Kind::Query], "bdpt", &scene, &job, 4);
+    let Some(whole) = harness::exact() else { return };
     let expected = common::render(&scene, job.clone(), 4);
     let once = render(&whole, Kind::Compute, &scene, &job, 4);
     compare("bdpt in whole numbers", &once, &expected);
@@ -159,14 +160,15 @@ fn bdpt_is_the_same_sample_by_sample_with_splats_of_either_kind() {
 fn layers_are_those_of_the_cpu_and_sobol_is_its_twin() {
     let Some(device) = harness::device() else { return };
     let layers: Vec<Layer> = LAYERS.iter().map(|row| row.layer).collect();
+    // The pipeline is one of those of `corners.rs`.
     let job = Job { layers, sampler: SOBOL, resolution: [24, 16], ..with("bdpt", 4) };
-    let scene = lamps();
+    let scene = balls("environment");
     let mut cpu = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
     cpu.advance(4).unwrap();
     let mut renderer = VulkanRenderer::new(&device, Kind::Compute, &Sources::Embedded, &scene, &job).unwrap();
     renderer.advance(1).unwrap();
     renderer.advance(3).unwrap();
-    compare("picture with layers", renderer.film(), cpu.film());
+    loosely("picture with layers", renderer.film(), cpu.film());
     assert_eq!(renderer.layers(), cpu.layers());
     let mut lit = 0;
     for (i, film) in cpu.layers().iter().enumerate() {
@@ -176,10 +178,35 @@ fn layers_are_those_of_the_cpu_and_sobol_is_its_twin() {
         let scale = total(&expected) / expected.sum.len() as f64;
         // Next to all values agree; a path that rounding sends another way changes a few.
         let off = far.filter(|d| *d > 0.01 * scale.max(1e-6)).count();
-        assert!(off as f64 <= 0.005 * (3 * expected.sum.len()) as f64, "{}: {off} values differ", film.name());
+        assert!(off as f64 <= 0.01 * (3 * expected.sum.len()) as f64, "{}: {off} values differ", film.name());
         lit += usize::from(total(&expected) > 0.0);
     }
     assert!(lit > 20, "only {lit} films show anything");
+    harness::silent();
+}
+
+#[test]
+fn a_new_scene_seed_or_size_makes_no_pipeline_and_going_back_to_a_technique_makes_none() {
+    let Some(device) = harness::device() else { return };
+    // One of its own, since others make pipelines at the same time.
+    let device = Device::open(device.info.clone(), device.info.caps).unwrap();
+    let ball = |x: f32| {
+        let builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0).sphere(Vec3::X * x, 0.5, grey(0.5));
+        builder.environment(None, Vec3::ONE, 0.0).build()
+    };
+    let film = |x: f32, job: Job| render(&device, Kind::Compute, &ball(x), &job, 1);
+    let plain = job([16, 16], 2, 1);
+    film(0.0, plain.clone());
+    assert_eq!(device.shelf.count(), 1);
+    film(0.3, Job { seed: 2, resolution: [20, 12], max_depth: 3, ..plain.clone() });
+    assert_eq!(device.shelf.count(), 1);
+    let late = Job { timing: Some(harness::timing(0.0, 1.0, 8)), ..plain.clone() };
+    film(0.0, late.clone());
+    assert_eq!(device.shelf.count(), 2, "a time axis has a pipeline of its own, so that it costs nothing without one");
+    let shared = common::render(&ball(0.3), plain.clone(), 1);
+    compare("from the shelf", &film(0.3, plain), &shared);
+    film(0.1, late);
+    assert_eq!(device.shelf.count(), 2);
     harness::silent();
 }
 
@@ -192,10 +219,7 @@ fn state(renderer: &VulkanRenderer) -> Vec<u8> {
 
 #[test]
 fn a_run_that_was_cut_off_goes_on_to_the_same_bits() {
-    let Some(device) = harness::device() else { return };
-    // Whole numbers for splats, so that bits do not depend on chance; and layers.
-    let caps = Caps { float_atomics: false, ..device.info.caps };
-    let exact = Device::open(device.info.clone(), caps).unwrap();
+    let Some(exact) = harness::exact() else { return };
     let scene = room();
     let open = |job: &Job| VulkanRenderer::new(&exact, Kind::Compute, &Sources::Embedded, &scene, job).unwrap();
     let small = |name: &str, layers: &[Layer]| Job { layers: layers.to_vec(), resolution: [20, 14], ..with(name, 5) };

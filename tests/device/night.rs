@@ -9,10 +9,12 @@ const SCENE: &str = r#"{
     "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
     "materials": [
         { "name": "grey", "color": [0.5, 0.5, 0.5] },
+        { "name": "late", "color": [0.9, 0.2, 0.1], "delay": "exponential", "delay_rate": 2 },
+        { "name": "leaf", "parts": ["grey", "late"], "weights": [0.25, 0.75] },
         { "name": "lamp", "emission": [2, 2, 2] }
     ],
     "entities": [
-        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
+        { "type": "sphere", "material": "leaf", "position": [0, 0, 0], "radius": 1 },
         { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
     ]
 }"#;
@@ -20,10 +22,18 @@ const SCENE: &str = r#"{
 const SCRIPT: &str = r#"
 local x = experiment("backends", { seed = 7 })
 x:axis("on", { "cpu", "vulkan-compute" })
-x:render(function(p) return { scene = "ball.scn", integrator = "nee", backend = p.on } end)
+x:render(function(p) 
+  return { scene = "ball.scn", integrator = "nee", backend = p.on, film = { time = { start = 3, bin = 0.25, bins = 24 } } }
+end)
 x:stop(function(p) return stop.samples(16) end)
 return x
 "#;
+
+/// The numbers of an array in the format of numpy, single precision.
+fn numbers(file: &[u8]) -> Vec<f32> {
+    let head = 10 + usize::from(u16::from_le_bytes([file[8], file[9]]));
+    file[head..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
+}
 
 #[test]
 fn a_script_sweeps_over_backends_and_both_render_the_same() {
@@ -38,7 +48,7 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
     let said = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success(), "{said}");
     assert!(said.contains("backend vulkan-compute: "), "{said}");
-    let mut pictures = Vec::new();
+    let (mut pictures, mut cubes) = (Vec::new(), Vec::new());
     let mut open = vec![place.path().join("out")];
     while let Some(folder) = open.pop() {
         for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
@@ -46,6 +56,8 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
                 open.push(path);
             } else if path.file_name().is_some_and(|n| n == "final.exr") {
                 pictures.push(lumbre::output::exr::decode(&std::fs::read(path).unwrap()).unwrap().0);
+            } else if path.file_name().is_some_and(|n| n == "time-cube.npy") {
+                cubes.push(numbers(&std::fs::read(path).unwrap()));
             }
         }
     }
@@ -54,4 +66,10 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
     let off = far.filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3)).count();
     assert!(off <= 3, "{off} values differ");
     assert!(pictures[0].mean()[0] > 0.0);
+    assert_eq!(cubes.len(), 2);
+    let lit = cubes[0].iter().filter(|x| **x != 0.0).count();
+    let off = cubes[0].iter().zip(&cubes[1]).filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3)).count();
+    assert!(lit > 300 && cubes[0].len() == 24 * 16 * 24 * 3, "{lit} of {} are lit", cubes[0].len());
+    // A path that rounding sends to the other side of an edge between bins changes both.
+    assert!(off * 100 <= lit, "{off} of {lit} values in bins differ");
 }

@@ -146,23 +146,18 @@ vec3 disney_tint(Disney k) {
     return sqrt(k.base_color);
 }
 
-// Value and density of rough refraction [Walter et al. 2007, equations 17 and 21]; `eta` is the index of the side of `i`
-// over that of the side of `o`.
+// Value and density of rough refraction; `eta` is the index of the side of `i` over that of the side of `o`.
 vec3 disney_transmitted(Disney k, vec3 o, vec3 i, float eta, uint mode, Choice choice, out float pdf_w) {
     pdf_w = 0.0;
     if (k.refractive <= 0.0 || disney_smooth_glass(k)) {
         return vec3(0.0);
     }
-    vec3 h = normalize_or(o + i * eta, vec3(0.0, 0.0, 1.0));
-    h = h.z < 0.0 ? -h : h;
-    float dot_o = dot(o, h), dot_i = dot(i, h);
-    if (dot_o <= 0.0 || dot_i >= 0.0) {
+    Passage passage;
+    if (!passage_between(o, i, eta, passage)) {
         return vec3(0.0);
     }
-    float passes = 1.0 - fresnel_dielectric(dot_o, eta).reflectance;
-    float bend = dot_o + eta * dot_i;
-    float spread = passes * ggx_pdf_over_dot(k.ggx, o, h) * dot_o * -dot_i / (bend * bend);
-    float scale = mode == RADIANCE ? 1.0 : eta * eta;
+    float spread = passage_spread(passage, passage.passes * ggx_pdf_over_dot(k.ggx, o, passage.h));
+    float scale = passage_scale(passage, mode);
     float masking = ggx_masking_over_cos(k.ggx, vec3(i.xy, -i.z));
     pdf_w = choice.glass * spread * eta * eta;
     return disney_tint(k) * (k.refractive * spread * masking * scale * clearcoat_passes(k.coat, o.z, i.z));

@@ -25,6 +25,34 @@ bool glass_has_density(Glass g) {
     return g.facets.present && !g.thin;
 }
 
+// Light that passes a facet; fields as in Rust.
+struct Passage {
+    vec3 h;
+    float passes;
+    vec2 dots;
+    float eta;
+};
+
+// The one facet that bends `o` into `i`, if any does; `eta` is the index of the lower side relative to the upper one.
+bool passage_between(vec3 o, vec3 i, float eta, out Passage p) {
+    vec3 h = normalize_or(o + i * eta, vec3(0.0, 0.0, 1.0));
+    h = h.z < 0.0 ? -h : h;
+    vec2 dots = vec2(dot(o, h), dot(i, h));
+    p = Passage(h, 1.0 - fresnel_dielectric(dots.x, eta).reflectance, dots, eta);
+    return !(dots.x <= 0.0) && !(dots.y >= 0.0);
+}
+
+// A density over facets, over the cosine of `o`, as one over directions of `i`, but for `eta^2`.
+float passage_spread(Passage p, float density) {
+    float bend = p.dots.x + p.eta * p.dots.y;
+    return density * p.dots.x * -p.dots.y / (bend * bend);
+}
+
+// Radiance is compressed into `1 / eta^2` of the solid angle that importance is.
+float passage_scale(Passage p, uint mode) {
+    return mode == RADIANCE ? 1.0 : p.eta * p.eta;
+}
+
 // The direction refracted at `h`, as a unit vector also near the normal, if there is one.
 bool refracted(vec3 o, vec3 h, float eta, out vec3 wi) {
     vec3 along = (h * dot(o, h) - o) / eta;
@@ -45,18 +73,14 @@ vec3 glass_density(Glass g, vec3 o, vec3 i, float eta, uint mode, out float pdf_
         pdf_w = 0.25 * r * facets_pdf_over_dot(g.facets, o, h);
         return g.specular * (pdf_w * facets_masking_over_cos(g.facets, i));
     }
-    vec3 h = normalize_or(o + i * eta, vec3(0.0, 0.0, 1.0));
-    h = h.z < 0.0 ? -h : h;
-    float dot_o = dot(o, h), dot_i = dot(i, h);
-    if (dot_o <= 0.0 || dot_i >= 0.0) {
+    Passage passage;
+    if (!passage_between(o, i, eta, passage)) {
         return vec3(0.0);
     }
-    float passes = 1.0 - fresnel_dielectric(dot_o, eta).reflectance;
-    float bend = dot_o + eta * dot_i;
-    float joint = passes * facets_pdf_over_dot(g.facets, o, h) * dot_o * -dot_i / (bend * bend);
-    float scale = mode == RADIANCE ? 1.0 : eta * eta;
+    float joint = passage_spread(passage, passage.passes * facets_pdf_over_dot(g.facets, o, passage.h));
     pdf_w = joint * eta * eta;
-    return glass_tint(g) * (joint * facets_masking_over_cos(g.facets, vec3(i.xy, -i.z)) * scale);
+    float masking = facets_masking_over_cos(g.facets, vec3(i.xy, -i.z));
+    return glass_tint(g) * (joint * masking * passage_scale(passage, mode));
 }
 
 // Reflected by either face of a pane, or let through it.

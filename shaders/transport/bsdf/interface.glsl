@@ -32,6 +32,12 @@ Glass interface_glass(OneInterface k) {
     return Glass(k.base_color, m.specular, m.ior, m.thin != 0u, facets);
 }
 
+// Index of what lies behind the surface relative to what lies before it; 1 where nothing is refracted.
+float interface_index_inside(OneInterface k) {
+    Material m = materials[k.material];
+    return m.model == MODEL_DIELECTRIC && m.thin == 0u ? m.ior : 1.0;
+}
+
 // Index of the side that `wo` does not lie on, relative to the side that it does.
 float interface_eta_below(OneInterface k, vec3 wo) {
     float ior = materials[k.material].ior;

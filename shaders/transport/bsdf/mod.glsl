@@ -170,6 +170,16 @@ float bsdf_pdf_w(Bsdf b, vec3 wo, vec3 wi) {
     return bsdf_evaluate(b, wo, wi, RADIANCE).pdf_w;
 }
 
+// Index of the medium towards `wi` over that towards `wo`; 1 on one side of the surface.
+float bsdf_index_ratio(Bsdf b, vec3 wo, vec3 wi) {
+    float o = dot(wo, b.frame.n);
+    if (o * dot(wi, b.frame.n) >= 0.0) {
+        return 1.0;
+    }
+    float inside = bsdf_is_interface(b) ? interface_index_inside(bsdf_interface(b)) : b.disney.ior;
+    return o > 0.0 ? inside : 1.0 / inside;
+}
+
 // Whether any lobe has a density.
 bool bsdf_has_density(Bsdf b) {
     if (bsdf_is_disney(b)) {

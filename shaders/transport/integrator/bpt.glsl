@@ -6,6 +6,7 @@
 #include "transport/bsdf/mod.glsl"
 #include "transport/camera/lens.glsl"
 #include "transport/contribution.glsl"
+#include "transport/flight.glsl"
 #include "transport/light/mod.glsl"
 #include "transport/mod.glsl"
 #include "transport/ray.glsl"
@@ -15,6 +16,8 @@
 // One sample of one pixel.
 void bpt_sample(uvec2 pixel, inout Sampler numbers) {
     Ray ray = camera_sample_ray(pixel, numbers);
+    Chance chance = chance_new(numbers);
+    Flight flight = flight_of_camera(ray, chance_emission(chance));
     vec3 throughput = vec3(1.0);
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     float eta_scale = 1.0;
@@ -25,18 +28,21 @@ void bpt_sample(uvec2 pixel, inout Sampler numbers) {
         vec3 wo = -ray.dir;
         Surface surface;
         vec3 radiance;
+        Length length;
         if (met) {
-            surface = surface_at(ray, hit);
+            surface = flight_arrive(flight, ray, hit, chance);
+            length = stamp_arrived(flight.stamp);
             if (over.present && !overhang_reaches(over, surface.position)) {
                 break;
             }
             radiance = surface_emitted(surface, wo);
         } else {
             radiance = lights_environment(ray.dir);
+            length = flight_escaped(flight, ray.dir);
         }
         if (radiance != vec3(0.0)) {
             vec3 value = throughput * radiance;
-            sink(Contribution(pixel, value, value, 0u, depth + 1u));
+            sink(Contribution(pixel, value, value, 0u, depth + 1u, length));
         }
         if (!met || depth == job.max_depth || surface_ends(surface)) {
             break;
@@ -59,6 +65,7 @@ void bpt_sample(uvec2 pixel, inout Sampler numbers) {
         if (throughput == vec3(0.0)) {
             break;
         }
+        flight_leave(flight, surface.position, s.eta);
         ray = surface_spawn(surface, s.wi);
         over = overhang_into(surface, s.wi);
     }

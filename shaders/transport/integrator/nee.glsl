@@ -6,6 +6,7 @@
 #include "transport/bsdf/mod.glsl"
 #include "transport/camera/lens.glsl"
 #include "transport/contribution.glsl"
+#include "transport/flight.glsl"
 #include "transport/light/mod.glsl"
 #include "transport/mis.glsl"
 #include "transport/mod.glsl"
@@ -31,7 +32,9 @@ float weight_of_hit(Last last, float pdf_w) {
 
 // What light sampling finds from a surface: from its base and, where it has an overhang, from the crest; from one light or
 // from each in turn.
-void nee_connect(Surface base, Bsdf bsdf, vec3 wo, vec3 throughput, uvec2 pixel, uint depth, inout Sampler numbers) {
+void nee_connect(
+    Surface base, Bsdf bsdf, Stamp stamp, vec3 wo, vec3 throughput, uvec2 pixel, uint depth, inout Sampler numbers
+) {
     uint lights = job.all_lights != 0u ? job.light_count : 1u;
     uint rounds = base.overhang.present ? 2u * lights : lights;
     for (uint i = 0u; i < rounds; ++i) {
@@ -64,13 +67,16 @@ void nee_connect(Surface base, Bsdf bsdf, vec3 wo, vec3 throughput, uvec2 pixel,
         bool weighted = job.mis != NONE && !direct.delta;
         float weight = weighted ? heuristic_weight(job.mis, direct.pdf_w, value.pdf_w) : 1.0;
         vec3 unweighted = throughput * radiance;
-        sink(Contribution(pixel, unweighted * weight, unweighted, 1u, depth + 1u));
+        Length length = flight_of_direct(stamp, bsdf, wo, surface.position, direct.wi, direct.distance);
+        sink(Contribution(pixel, unweighted * weight, unweighted, 1u, depth + 1u, length));
     }
 }
 
 // One sample of one pixel.
 void nee_sample(uvec2 pixel, inout Sampler numbers) {
     Ray ray = camera_sample_ray(pixel, numbers);
+    Chance chance = chance_new(numbers);
+    Flight flight = flight_of_camera(ray, chance_emission(chance));
     vec3 throughput = vec3(1.0);
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     float eta_scale = 1.0;
@@ -82,9 +88,11 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
         vec3 wo = -ray.dir;
         Surface surface;
         vec3 radiance;
+        Length length;
         float pdf_w = 0.0;
         if (met) {
-            surface = surface_at(ray, hit);
+            surface = flight_arrive(flight, ray, hit, chance);
+            length = stamp_arrived(flight.stamp);
             if (over.present && !overhang_reaches(over, surface.position)) {
                 break;
             }
@@ -95,6 +103,7 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
             }
         } else {
             radiance = lights_environment(ray.dir);
+            length = flight_escaped(flight, ray.dir);
             if (radiance != vec3(0.0)) {
                 pdf_w = lights_pdf_environment_one_w(ray.dir);
                 pdf_w *= job.all_lights != 0u ? 1.0 : lights_pdf_choice(job.light_first.z);
@@ -102,14 +111,14 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
         }
         if (radiance != vec3(0.0)) {
             vec3 unweighted = throughput * radiance;
-            sink(Contribution(pixel, unweighted * weight_of_hit(last, pdf_w), unweighted, 0u, depth + 1u));
+            sink(Contribution(pixel, unweighted * weight_of_hit(last, pdf_w), unweighted, 0u, depth + 1u, length));
         }
         if (!met || depth == job.max_depth || surface_ends(surface)) {
             break;
         }
         Bsdf bsdf = bsdf_new(surface);
         if (bsdf_has_density(bsdf)) {
-            nee_connect(surface, bsdf, wo, throughput, pixel, depth, numbers);
+            nee_connect(surface, bsdf, flight.stamp, wo, throughput, pixel, depth, numbers);
         }
         float choice = next_1d(numbers);
         BsdfSample s;
@@ -130,6 +139,7 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
         if (throughput == vec3(0.0)) {
             break;
         }
+        flight_leave(flight, surface.position, s.eta);
         ray = surface_spawn(surface, s.wi);
     }
 }

@@ -26,6 +26,11 @@ vec3 lights_environment(vec3 dir) {
     return environment_radiance(dir);
 }
 
+// How far the wave front of a light without a place still has to go to `from` when it touches the ball around all surfaces.
+float lights_lead(vec3 from, vec3 wi) {
+    return job.ball_radius - dot(from - job.ball_center, wi);
+}
+
 // Light that arrives at `from` from the light with this index. Its density does not include the choice; for a Dirac light
 // it is 1.
 bool lights_sample_direct_from(uint light, vec3 from, vec2 u, out DirectSample s) {

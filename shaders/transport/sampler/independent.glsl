@@ -22,9 +22,14 @@ struct Independent {
     uint used;
 };
 
+// The numbers of a key, four random words.
+Independent independent_keyed(uvec4 key) {
+    return Independent(key, 0u, uvec4(0u), 4u);
+}
+
 // The numbers of one sample of one pixel.
 Independent independent_new(uvec2 seed, uvec2 pixel, uvec2 index) {
-    return Independent(sample_key(seed, pixel, index.x, index.y), 0u, uvec4(0u), 4u);
+    return independent_keyed(sample_key(seed, pixel, index.x, index.y));
 }
 
 // The next number, in [0, 1).

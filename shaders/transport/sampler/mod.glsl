@@ -42,4 +42,16 @@ vec2 next_2d(inout Sampler s) {
     return vec2(x, independent_next_1d(s.independent));
 }
 
+// Tells the numbers beside a sampler's own from them.
+const uint ASIDE = 0x7f4a7c15u;
+
+// Numbers beside these, independent of them and of each other: see Rust.
+Independent sampler_aside(Sampler s) {
+    uvec4 key = s.independent.key;
+    if (SAMPLER_KIND == SAMPLER_SOBOL) {
+        key = sobol_key_of_sample(s.sobol);
+    }
+    return independent_keyed(pcg4d(uvec4(key.x ^ ASIDE, key.yzw)));
+}
+
 #endif

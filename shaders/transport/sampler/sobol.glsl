@@ -24,6 +24,11 @@ Sobol sobol_new(uvec2 seed, uvec2 pixel, uvec2 index) {
     return Sobol(sample_key(seed, pixel, index.y, 0u), bitfieldReverse(index.x), 0u, uvec4(0u), 0u, SINGLES, false);
 }
 
+// Random words of the pixel's sequence and of the place in it.
+uvec4 sobol_key_of_sample(Sobol s) {
+    return pcg4d(uvec4(s.key.xy, s.key.z ^ s.reversed, s.key.w));
+}
+
 // A permutation in which every bit depends on itself and the less significant ones only [Laine & Karras 2011].
 uint permute(uint x, uint word) {
     x += word;

@@ -12,6 +12,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::cache;
 use super::error::VulkanError;
 use super::instance::{self, Instance};
+use super::pipeline::Shelf;
 use crate::render::choice;
 
 /// The variable that names the device to use: its index or a part of its name, as `lumbre doctor` lists them.
@@ -233,8 +234,10 @@ pub struct Device {
     fence: vk::Fence,
     /// Held from the reset of a query to the reading of its result.
     queries: Mutex<vk::QueryPool>,
-    /// The cache that every pipeline is made with, and written back when the device goes.
+    /// The cache that every pipeline is made with.
     pub pipelines: vk::PipelineCache,
+    /// The pipelines that were made.
+    pub shelf: Shelf,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     /// Set when a pass did not finish: what it may still use must not be destroyed, and is leaked.
     stuck: AtomicBool,
@@ -332,6 +335,7 @@ impl Device {
             fence,
             queries: Mutex::new(queries),
             pipelines,
+            shelf: Shelf::default(),
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             stuck: AtomicBool::new(false),
             pass: Mutex::new("open".to_owned()),
@@ -370,6 +374,15 @@ impl Device {
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
         // SAFETY: the object was made by this device, and the name lives through the call. A name is only a convenience.
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+
+    /// Writes the pipeline cache back: after every pipeline, since a process that ends, or a device that is lost, leaves no
+    /// moment to do it later.
+    pub fn keep_cache(&self) {
+        // SAFETY: the cache lives as long as the device.
+        if let Ok(data) = unsafe { self.raw.get_pipeline_cache_data(self.pipelines) } {
+            cache::store(&self.info.cache_key, &data);
+        }
     }
 
     /// Records that copies wait for what shaders have written so far.
@@ -492,8 +505,9 @@ impl Drop for Device {
         // submission was waited for, or lost.
         unsafe {
             let _ = self.raw.device_wait_idle();
-            if let Ok(data) = self.raw.get_pipeline_cache_data(self.pipelines) {
-                cache::store(&self.info.cache_key, &data);
+            for pipeline in self.shelf.empty() {
+                self.raw.destroy_pipeline(pipeline.raw, None);
+                self.raw.destroy_pipeline_layout(pipeline.layout, None);
             }
             ManuallyDrop::drop(&mut self.allocator);
             self.raw.destroy_pipeline_cache(self.pipelines, None);

@@ -10,14 +10,16 @@ use super::device::Device;
 use super::error::VulkanError;
 use super::layout::{Counters, Invalid, PathStep, Sums};
 use super::pipeline::Bound;
+use super::times::{Read, Times};
 use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
 use crate::film::splat::{join, squares_of_words, sum_of_words};
 use crate::film::state::{Misfit, Saved, write_sums, write_words};
+use crate::film::time::{TimeAxis, TimeCube};
 use crate::render::paths::MOST_STEPS;
 
 /// Sums of splats of one film at one pixel: three sums, three sums of squares.
-type Landed = ([f64; 3], [f64; 3]);
+pub type Landed = ([f64; 3], [f64; 3]);
 
 /// Why films cannot take what was saved.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -63,6 +65,7 @@ pub struct Films {
     layer_values: Buffer,
     /// Steps of the samples of one row; empty unless they are wanted.
     steps: Buffer,
+    times: Times,
     mode: SplatMode,
     layout: Layout,
     resolution: [u32; 2],
@@ -73,7 +76,7 @@ pub struct Films {
 }
 
 impl Films {
-    /// Films without samples, with room for the `steps` of a row's samples or without.
+    /// Films without samples, by time where there is an axis, with room for the `steps` of a row's samples or without.
     ///
     /// # Errors
     /// When they do not fit onto the device.
@@ -81,13 +84,15 @@ impl Films {
         device: &Arc<Device>,
         resolution: [u32; 2],
         layout: Layout,
+        axis: Option<TimeAxis>,
         mode: SplatMode,
         steps: bool,
     ) -> Result<Films, VulkanError> {
         let pixels = u64::from(resolution[0]) * u64::from(resolution[1]);
         let films = layout.films().len() as u64;
         let splat_films = layout.films().iter().filter(|film| film.splats).count() as u64;
-        let slots = if mode == SplatMode::None { 0 } else { pixels * (1 + splat_films) };
+        let times = Times::new(device, axis, pixels, mode.bytes())?;
+        let slots = if mode == SplatMode::None { 0 } else { pixels * (times.slots() as u64 + splat_films) };
         let cleared = |name: &str, size: u64| {
             let buffer = Buffer::new(device, name, size.max(16), vk::BufferUsageFlags::empty())?;
             buffer.clear()?;
@@ -107,6 +112,7 @@ impl Films {
             landed: if mode == SplatMode::Float { vec![Landed::default(); slots as usize] } else { Vec::new() },
             readback: Readback::new(device, largest)?,
             counted: Readback::new(device, size_of::<Counters>() as u64)?,
+            times,
             mode,
             layout,
             resolution,
@@ -114,8 +120,10 @@ impl Films {
     }
 
     /// What is bound after the scene, in the order of `shaders/film`.
-    pub fn bound(&self) -> [Bound<'_>; 7] {
-        [&self.sums, &self.invalid, &self.counters, &self.splats, &self.layer_sums, &self.layer_values, &self.steps]
+    pub fn bound(&self) -> [Bound<'_>; 9] {
+        let (sums, values) = (&self.times.sums, &self.times.values);
+        let [layer_sums, layer_values] = [&self.layer_sums, &self.layer_values];
+        [&self.sums, &self.invalid, &self.counters, &self.splats, layer_sums, layer_values, &self.steps, sums, values]
             .map(Bound::Storage)
     }
 
@@ -201,7 +209,9 @@ impl Films {
             film.sum[i] = sums.0;
             film.sum2[i] = sums.1;
         })?;
-        if self.mode != SplatMode::None {
+        if let Some(read) = self.read_times(pixels)? {
+            read.make_picture(film);
+        } else if self.mode != SplatMode::None {
             let landed = self.read_splats(0, 1, pixels)?;
             let samples = film.samples;
             for (i, landed) in landed.into_iter().enumerate() {
@@ -209,6 +219,21 @@ impl Films {
             }
         }
         Ok(())
+    }
+
+    fn read_times(&self, pixels: usize) -> Result<Option<Read>, VulkanError> {
+        let splats = self.mode != SplatMode::None && self.times.slots() > 1;
+        let landed = splats.then(|| self.read_splats(0, 1, pixels * self.times.slots())).transpose()?;
+        self.times.read(pixels, landed)
+    }
+
+    /// The light of every pixel by its time; none without a time axis.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn times(&self, samples: u64) -> Result<Option<TimeCube>, VulkanError> {
+        let pixels = self.resolution[0] as usize * self.resolution[1] as usize;
+        Ok(self.read_times(pixels)?.map(|read| read.cube(self.resolution, samples)))
     }
 
     /// The sums of film `index` of the layers.
@@ -226,7 +251,7 @@ impl Films {
         if self.mode != SplatMode::None && self.layout.films()[index].splats {
             let splat_films = self.layout.films().iter().filter(|film| film.splats).count();
             let slot = self.layout.films()[..index].iter().filter(|film| film.splats).count();
-            let landed = self.read_splats(pixels + slot, splat_films, pixels)?;
+            let landed = self.read_splats(pixels * self.times.slots() + slot, splat_films, pixels)?;
             for (i, landed) in landed.into_iter().enumerate() {
                 (film.sum[i], film.sum2[i]) = join(landed, (film.sum[i], film.sum2[i]), samples);
             }
@@ -235,8 +260,8 @@ impl Films {
     }
 
     /// Everything that is kept from wave to wave, between waves.
-    fn kept(&self) -> [&Buffer; 4] {
-        [&self.sums, &self.invalid, &self.layer_sums, &self.splats]
+    fn kept(&self) -> [&Buffer; 5] {
+        [&self.sums, &self.invalid, &self.layer_sums, &self.splats, &self.times.sums]
     }
 
     /// Writes everything that further waves need.

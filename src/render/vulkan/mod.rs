@@ -9,6 +9,7 @@ mod accel;
 pub mod buffer;
 pub mod bvh;
 mod cache;
+mod delays;
 pub mod device;
 pub mod error;
 mod films;
@@ -21,6 +22,7 @@ pub mod program;
 pub mod renderer;
 mod session;
 pub mod spirv;
+mod times;
 mod tracing;
 pub mod upload;
 
@@ -40,7 +42,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     doc: "A graphics device that traces rays: ray-tracing pipelines.",
     probe: || probe(Kind::Pipeline),
     layers: true,
-    times: false,
+    times: true,
     models: upload::MODELS,
     refuses,
     edited,
@@ -55,7 +57,7 @@ pub const QUERY: BackendRow = BackendRow {
     doc: "The same device and the same code in a compute shader, by ray queries.",
     probe: || probe(Kind::Query),
     layers: true,
-    times: false,
+    times: true,
     models: upload::MODELS,
     refuses,
     edited,
@@ -70,7 +72,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     doc: "A graphics device that need not trace rays: a compute shader over a hierarchy of our own.",
     probe: || probe(Kind::Compute),
     layers: true,
-    times: false,
+    times: true,
     models: upload::MODELS,
     refuses,
     edited,

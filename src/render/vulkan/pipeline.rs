@@ -1,6 +1,7 @@
 //! Descriptors and compute pipelines.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 use bytemuck::Pod;
@@ -30,6 +31,7 @@ pub enum Bound<'a> {
 /// One descriptor set with its layout, bound once: binding `i` is the `i`-th resource.
 pub struct Bindings {
     device: Arc<Device>,
+    kinds: Vec<vk::DescriptorType>,
     layout: vk::DescriptorSetLayout,
     pool: vk::DescriptorPool,
     set: vk::DescriptorSet,
@@ -61,6 +63,7 @@ impl Bindings {
         let pool_info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         let mut made = Bindings {
             device: Arc::clone(device),
+            kinds: bound.iter().map(kind).collect(),
             layout: vk::DescriptorSetLayout::null(),
             pool: vk::DescriptorPool::null(),
             set: vk::DescriptorSet::null(),
@@ -163,27 +166,60 @@ impl Drop for Module {
     }
 }
 
-/// A pipeline with its layout.
+/// The pipelines of a device, by the hash of all that they are made of. What a run has made is there for every later one:
+/// a new scene, seed or resolution makes no pipeline, nor does going back to an earlier technique.
+#[derive(Default)]
+pub struct Shelf(Mutex<BTreeMap<[u8; 32], Pipeline>>);
+
+/// A pipeline with its layout. It is the device's, and lives as long.
+#[derive(Clone, Copy)]
 pub struct Pipeline {
-    device: Arc<Device>,
     /// The layout.
     pub layout: vk::PipelineLayout,
     /// The pipeline.
     pub raw: vk::Pipeline,
 }
 
+impl Shelf {
+    /// Number of pipelines so far.
+    pub fn count(&self) -> usize {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    /// Takes all pipelines away, for the end of their device.
+    pub fn empty(&self) -> impl Iterator<Item = Pipeline> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner)).into_values()
+    }
+}
+
 impl Pipeline {
-    /// What `make` makes with a layout for a set and push constants of so many bytes; it says which call failed.
+    /// The device's pipeline of these shaders, for a set like `bindings` and push constants of so many bytes. Where there is
+    /// none yet, `make` makes it with a layout; it says which call failed.
     ///
     /// # Errors
     /// When the device refuses either.
-    pub fn new(
+    pub fn of(
         bindings: &Bindings,
         name: &str,
+        shaders: &[&[u32]],
         (stages, push): (vk::ShaderStageFlags, u32),
-        make: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline, (&'static str, vk::Result)>,
+        make: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline, VulkanError>,
     ) -> Result<Pipeline, VulkanError> {
         let device = &bindings.device;
+        let mut recipe = blake3::Hasher::new();
+        for words in shaders {
+            recipe.update(&(words.len() as u64).to_le_bytes()).update(bytemuck::cast_slice(words));
+        }
+        for kind in &bindings.kinds {
+            recipe.update(&kind.as_raw().to_le_bytes());
+        }
+        recipe.update(&stages.as_raw().to_le_bytes()).update(&push.to_le_bytes());
+        // Held while it is made, so that nobody makes it a second time.
+        let mut shelf = device.shelf.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = *recipe.finalize().as_bytes();
+        if let Some(made) = shelf.get(&key) {
+            return Ok(*made);
+        }
         let layouts = [bindings.layout];
         let ranges = [vk::PushConstantRange::default().stage_flags(stages).size(push)];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
@@ -193,29 +229,21 @@ impl Pipeline {
         // SAFETY: the device is open and the structures live through the call.
         let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }
             .map_err(|r| device.failed("vkCreatePipelineLayout", r))?;
-        // From here on both are destroyed when they are dropped; there may be no pipeline.
-        let mut made = Pipeline { device: Arc::clone(device), layout, raw: vk::Pipeline::null() };
-        made.raw = make(layout).map_err(|(call, result)| device.failed(call, result))?;
-        device.name(made.raw, name);
+        let raw = make(layout).inspect_err(|_| {
+            // SAFETY: nothing was made with it.
+            unsafe { device.raw.destroy_pipeline_layout(layout, None) };
+        })?;
+        device.name(raw, name);
+        device.keep_cache();
+        let made = Pipeline { layout, raw };
+        shelf.insert(key, made);
         Ok(made)
-    }
-}
-
-impl Drop for Pipeline {
-    fn drop(&mut self) {
-        if self.device.is_stuck() {
-            return;
-        }
-        // SAFETY: every submission that uses the pipeline was waited for.
-        unsafe {
-            self.device.raw.destroy_pipeline(self.raw, None);
-            self.device.raw.destroy_pipeline_layout(self.layout, None);
-        }
     }
 }
 
 /// A compute pipeline.
 pub struct Compute {
+    device: Arc<Device>,
     pipeline: Pipeline,
 }
 
@@ -231,20 +259,21 @@ impl Compute {
         bindings: &Bindings,
         push: u32,
     ) -> Result<Compute, VulkanError> {
-        let module = Module::new(device, words)?;
-        let stage = module.stage(vk::ShaderStageFlags::COMPUTE);
-        let pipeline = Pipeline::new(bindings, name, (vk::ShaderStageFlags::COMPUTE, push), |layout| {
+        let pipeline = Pipeline::of(bindings, name, &[words], (vk::ShaderStageFlags::COMPUTE, push), |layout| {
+            let module = Module::new(device, words)?;
+            let stage = module.stage(vk::ShaderStageFlags::COMPUTE);
             let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
             // SAFETY: module and layout live through the call.
             let made = unsafe { device.raw.create_compute_pipelines(device.pipelines, &[info], None) };
-            made.map(|pipelines| pipelines[0]).map_err(|(_, result)| ("vkCreateComputePipelines", result))
+            let made = made.map_err(|(_, result)| device.failed("vkCreateComputePipelines", result));
+            made.map(|pipelines| pipelines[0])
         })?;
-        Ok(Compute { pipeline })
+        Ok(Compute { device: Arc::clone(device), pipeline })
     }
 
     /// Records a dispatch of so many workgroups with its push constants.
     pub fn dispatch<P: Pod>(&self, commands: vk::CommandBuffer, bindings: &Bindings, push: &P, groups: [u32; 3]) {
-        let (raw, point) = (&self.pipeline.device.raw, vk::PipelineBindPoint::COMPUTE);
+        let (raw, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
         bindings.bind(commands, point, self.pipeline.layout);
         let bytes = bytemuck::bytes_of(push);
         // SAFETY: the commands are being recorded; the pipeline's layout has push constants of this size.

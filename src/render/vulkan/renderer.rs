@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::delays::is_composed;
 use super::device::Device;
 use super::error::VulkanError;
 use super::films::{Films, RestoreError, SplatMode};
@@ -17,6 +18,7 @@ use super::upload::{self, JobBuffers, SceneBuffers};
 use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
 use crate::film::state::{Saved, write_words};
+use crate::film::time::{self, TimeCube};
 use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
@@ -106,6 +108,10 @@ impl VulkanRenderer {
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let layout = Layout::new(&job.layers, job.max_depth, pixels)
             .map_err(|needed| VulkanError::Lacks { device: device.info.line(), needed })?;
+        if let Some(timing) = &job.timing {
+            time::bytes(&timing.axis, pixels, job.integrator.splats)
+                .map_err(|needed| VulkanError::Lacks { device: device.info.line(), needed })?;
+        }
         let mode = match (job.integrator.splats, device.info.caps.float_atomics) {
             (false, _) => SplatMode::None,
             (true, true) => SplatMode::Float,
@@ -129,10 +135,16 @@ impl VulkanRenderer {
             SplatMode::Float => defines.push(("SPLAT_FLOAT", String::new())),
             SplatMode::Fixed => {}
         }
+        if job.timing.is_some() {
+            defines.push(("TIMES", String::new()));
+        }
+        if is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty()) {
+            defines.push(("PARTS", String::new()));
+        }
         if steps {
             defines.push(("PATHS", String::new()));
         }
-        let films = Films::new(device, job.resolution, layout, mode, steps)?;
+        let films = Films::new(device, job.resolution, layout, job.timing.as_ref().map(|t| t.axis), mode, steps)?;
         let mut bound = upload::bound(&scene_buffers, &job_buffers);
         bound.extend(films.bound());
         bound.extend(traversal.bound());
@@ -260,7 +272,7 @@ fn step(s: &PathStep) -> Option<Step> {
             unweighted: s.unweighted.into(),
             s: s.light_vertices,
             t: s.camera_vertices,
-            length: 0.0,
+            length: s.optical_length.into(),
         })),
         _ => None,
     }
@@ -301,6 +313,15 @@ impl Renderer for VulkanRenderer {
             return Err(RenderError::Failed { backend: self.kind.backend(), reason });
         }
         self.films.layer(index, self.film.samples).map_err(|e| into_render_error(self.kind, e))
+    }
+
+    fn times(&self) -> Option<TimeCube> {
+        let found = self.films.times(self.film.samples);
+        found.unwrap_or_else(|error| {
+            tracing::warn!("the light of this run by its time is lost: {error}");
+            session::forget(&self.device);
+            None
+        })
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {

@@ -58,18 +58,14 @@ impl Tracing {
     ) -> Result<Tracing, VulkanError> {
         let lacks = || VulkanError::Lacks { device: device.info.line(), needed: "ray-tracing pipelines".to_owned() };
         let tracing = device.tracing.as_ref().ok_or_else(lacks)?;
-        let modules: Vec<(Module, vk::ShaderStageFlags)> = [
-            (&shaders.generation, vk::ShaderStageFlags::RAYGEN_KHR),
+        let shaders = [
+            (&shaders.generation[..], vk::ShaderStageFlags::RAYGEN_KHR),
             (&shaders.miss, vk::ShaderStageFlags::MISS_KHR),
             (&shaders.triangle, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
             (&shaders.sphere, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
             (&shaders.any, vk::ShaderStageFlags::ANY_HIT_KHR),
             (&shaders.intersection, vk::ShaderStageFlags::INTERSECTION_KHR),
-        ]
-        .into_iter()
-        .map(|(words, stage)| Ok((Module::new(device, words)?, stage)))
-        .collect::<Result<_, VulkanError>>()?;
-        let stages: Vec<_> = modules.iter().map(|(module, stage)| module.stage(*stage)).collect();
+        ];
         let group = |kind: vk::RayTracingShaderGroupTypeKHR| {
             vk::RayTracingShaderGroupCreateInfoKHR::default()
                 .ty(kind)
@@ -87,7 +83,12 @@ impl Tracing {
                 .any_hit_shader(4)
                 .intersection_shader(5),
         ];
-        let pipeline = Pipeline::new(bindings, name, (STAGES, push), |layout| {
+        let pipeline = Pipeline::of(bindings, name, &shaders.map(|(words, _)| words), (STAGES, push), |layout| {
+            let modules: Vec<(Module, vk::ShaderStageFlags)> = shaders
+                .iter()
+                .map(|(words, stage)| Ok((Module::new(device, words)?, *stage)))
+                .collect::<Result<_, VulkanError>>()?;
+            let stages: Vec<_> = modules.iter().map(|(module, stage)| module.stage(*stage)).collect();
             let info = vk::RayTracingPipelineCreateInfoKHR::default()
                 .stages(&stages)
                 .groups(&groups)
@@ -97,7 +98,8 @@ impl Tracing {
             let made = unsafe {
                 tracing.create_ray_tracing_pipelines(vk::DeferredOperationKHR::null(), device.pipelines, &[info], None)
             };
-            made.map(|pipelines| pipelines[0]).map_err(|(_, result)| ("vkCreateRayTracingPipelinesKHR", result))
+            let made = made.map_err(|(_, result)| device.failed("vkCreateRayTracingPipelinesKHR", result));
+            made.map(|pipelines| pipelines[0])
         })?;
         let table = Table::new(device, tracing, pipeline.raw, groups.len())?;
         Ok(Tracing { device: Arc::clone(device), pipeline, _table: table.buffer, regions: table.regions })

@@ -6,11 +6,13 @@ use ash::vk;
 use glam::Vec3;
 
 use super::buffer::Buffer;
+use super::delays::{DelayRows, words};
 use super::device::Device;
 use super::error::VulkanError;
 use super::layout::{self, EnvironmentRow, LightChoice};
 use super::pipeline::Bound;
 use crate::film::layer::{Layer, Layout};
+use crate::film::time::TimeFilter;
 use crate::render;
 use crate::scene::CompiledScene;
 use crate::scene::compile::{self, MaskMode, Model, NONE};
@@ -42,7 +44,7 @@ pub struct SceneBuffers {
 /// What depends on the job too.
 pub struct JobBuffers {
     job: Buffer,
-    others: [Buffer; 4],
+    others: [Buffer; 7],
 }
 
 impl SceneBuffers {
@@ -71,7 +73,11 @@ impl SceneBuffers {
             .collect();
         let attributes: Vec<layout::TriangleAttributes> = scene.attributes.iter().map(attributes).collect();
         let spheres: Vec<layout::Sphere> = scene.spheres.iter().map(sphere).collect();
-        let materials: Vec<layout::Material> = scene.materials.iter().map(material).collect();
+        let material = |(row, m): (usize, &compile::Material)| {
+            let parts = scene.delays.rows.get(row).copied().unwrap_or_default();
+            layout::Material { parts, ..material(m) }
+        };
+        let materials: Vec<layout::Material> = scene.materials.iter().enumerate().map(material).collect();
         let emitters: Vec<layout::Emitter> =
             scene.emitters.iter().map(|e| layout::Emitter { primitive: e.primitive, area: e.area }).collect();
         let points: Vec<layout::PointLight> = scene
@@ -124,13 +130,18 @@ impl JobBuffers {
         let plain = vk::BufferUsageFlags::empty();
         let lights = Lights::with_select(scene, Select::of(&job.params));
         let (rows, cells) = environment(&lights);
+        let delays = DelayRows::new(scene, job.timing.as_ref());
+        let constants = layout::Job { time_emission: delays.emission, ..constants(scene, job, &lights, layers) };
         Ok(JobBuffers {
-            job: Buffer::with(device, "job", &[constants(scene, job, &lights, layers)], plain)?,
+            job: Buffer::with(device, "job", &[constants], plain)?,
             others: [
                 Buffer::with(device, "choice of lights", &choices(&lights), plain)?,
                 Buffer::with(device, "rows of the environment", &rows, plain)?,
                 Buffer::with(device, "cells of the environment", &cells, plain)?,
                 Buffer::with(device, "splat films", &slots(layers), plain)?,
+                Buffer::with(device, "parts of materials", &delays.parts, plain)?,
+                Buffer::with(device, "profiles in time", &delays.profiles, plain)?,
+                Buffer::with(device, "knots of tables", &delays.knots, plain)?,
             ],
         })
     }
@@ -198,6 +209,7 @@ fn material(m: &compile::Material) -> layout::Material {
         thin: m.interface.thin.into(),
         nonlinear: m.interface.nonlinear.into(),
         internal_reflectance: m.interface.internal_reflectance,
+        parts: [0; 2],
     }
 }
 
@@ -247,6 +259,13 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: 
     let settings = Settings::new(&job.params);
     let surroundings = lights.surroundings.as_ref();
     let map = surroundings.and_then(|s| s.map.as_ref());
+    let timing = job.timing.as_ref();
+    let axis = timing.map(|t| t.axis);
+    let (filter, radius) = match timing.map_or(TimeFilter::None, |t| t.filter) {
+        TimeFilter::None => (0, 0.0),
+        TimeFilter::Box(radius) => (1, radius),
+        TimeFilter::Gauss(sigma) => (2, sigma),
+    };
     layout::Job {
         camera_position: camera.position.into(),
         camera_right: camera.right.into(),
@@ -299,5 +318,13 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: 
         layer_albedo: first(layers.whole(Layer::Albedo)),
         layer_normal: first(layers.whole(Layer::Normal)),
         layer_distance: first(layers.whole(Layer::Distance)),
+        time_start: words(axis.map_or(0.0, |a| a.start)),
+        time_bin: words(axis.map_or(1.0, |a| a.bin)),
+        time_bins: axis.map_or(0, |a| a.bins),
+        time_filter: filter,
+        time_radius: words(radius),
+        time_camera: timing.is_none_or(|t| t.camera).into(),
+        time_medium: timing.map_or(1.0, |t| t.medium),
+        time_emission: NONE,
     }
 }

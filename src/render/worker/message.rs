@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::wire::{Blob, Garbled, Reader, Wire, decode, encode};
 use crate::film::Film;
+use crate::film::time::TimeCube;
 use crate::render::{Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 
@@ -18,6 +19,8 @@ pub enum Request {
     Advance(u64, u64),
     /// The film of a layer.
     Layer(u64, usize),
+    /// The light of a run by its time.
+    Times(u64),
     /// The state of a run.
     Save(u64),
     /// To take such a state.
@@ -37,6 +40,8 @@ pub enum Reply {
     Advanced(WaveStats, Film),
     /// A layer's film.
     Layer(Film),
+    /// The light by its time, of a film with a time axis.
+    Times(Option<TimeCube>),
     /// A run's state.
     Saved(Option<Blob>),
     /// A state was taken, and this is the film now.
@@ -45,6 +50,8 @@ pub enum Reply {
     Unsaved(String),
     /// It cannot be done.
     Failed(RenderError),
+    /// No answer, but a sign of life: one every [`BEAT`](super::process::BEAT).
+    Alive(),
 }
 
 /// Enums as a number and the fields of the variant.
@@ -68,11 +75,11 @@ macro_rules! enums {
 enums! {
     Request {
         0u8: Scene(scene), 1u8: Open(run, backend, job), 2u8: Advance(run, samples), 3u8: Layer(run, index),
-        4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run),
+        4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run), 7u8: Times(run),
     }
     Reply {
         0u8: Ready(version), 1u8: Opened(stats), 2u8: Advanced(stats, film), 3u8: Layer(film), 4u8: Saved(state),
-        5u8: Restored(film), 6u8: Unsaved(problem), 7u8: Failed(error),
+        5u8: Restored(film), 6u8: Unsaved(problem), 7u8: Failed(error), 8u8: Times(cube), 9u8: Alive(),
     }
 }
 

@@ -4,7 +4,8 @@
 //!
 //! There is one worker for all runs of a process, as there is one device; it keeps the last scene, which cells that differ
 //! in technique share. Requests and answers are [`message`]s in [`frame`]s with a checksum. A worker that dies, hangs up,
-//! or says what makes no sense is ended, and its runs fail as [`RenderError::Lost`].
+//! says what makes no sense, gives no sign of life or takes many times as long as before is ended, and its runs fail as
+//! [`RenderError::Lost`].
 //!
 //! The clock is the worker's: `render_s` is the time inside its renderer, and what goes through the pipe is none of it.
 
@@ -17,8 +18,9 @@ mod wire;
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
-pub use process::{Launcher, Process};
+pub use process::{BEAT, Launcher, Process, SILENCE};
 pub use serve::serve;
 
 use self::message::{Reply, Request};
@@ -26,6 +28,7 @@ use self::wire::Blob;
 use super::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
+use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 
 /// Both sides must be of the same build.
@@ -86,11 +89,6 @@ impl Pool {
         job: Job,
     ) -> Result<WorkerRenderer, RenderError> {
         let lost = |reason: String| RenderError::Lost { backend, reason };
-        let composed = |row: usize| scene.delays.parts(row as u32).iter().any(|part| part.material as usize != row);
-        if job.timing.is_some() || (0..scene.materials.len()).any(composed) {
-            let reason = "a worker knows neither films with a time axis nor composed materials".to_owned();
-            return Err(RenderError::Unsupported { backend, reason });
-        }
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let layout = Layout::new(&job.layers, job.max_depth, pixels)
             .map_err(|reason| RenderError::Unsupported { backend, reason })?;
@@ -104,13 +102,13 @@ impl Pool {
         }
         let run = there.runs;
         there.runs += 1;
-        let reply = there.ask(&Request::Open(run, backend.to_owned(), Box::new(job))).map_err(lost)?;
+        let reply = there.ask(&Request::Open(run, backend.to_owned(), Box::new(job)), None).map_err(lost)?;
         let open_stats = match reply {
             Reply::Opened(stats) => stats,
             other => return Err(refused(&mut there, backend, other)),
         };
         drop(there);
-        Ok(WorkerRenderer { backend, process, run, film, layout, open_stats })
+        Ok(WorkerRenderer { backend, process, run, film, layout, pace: None, open_stats })
     }
 }
 
@@ -138,13 +136,29 @@ pub struct WorkerRenderer {
     run: u64,
     film: Film,
     layout: Layout,
+    /// Seconds of a sample, of the slowest wave so far.
+    pace: Option<f64>,
     open_stats: OpenStats,
+}
+
+/// By how much a wave may take longer than the slowest one before it, and how long it may take in any case, in seconds: far
+/// more than a loaded machine makes of it, and far less than a night.
+const PATIENCE: (f64, f64) = (20.0, 60.0);
+
+/// How long a wave of so many samples may take; the first one as long as its device says.
+fn limit(pace: Option<f64>, samples: u64) -> Option<Duration> {
+    let (factor, least_s) = PATIENCE;
+    pace.map(|pace| Duration::from_secs_f64((factor * pace * samples as f64 + least_s).min(1e9)))
 }
 
 impl WorkerRenderer {
     fn ask(&self, request: &Request) -> Result<Reply, RenderError> {
+        self.ask_within(request, None)
+    }
+
+    fn ask_within(&self, request: &Request, limit: Option<Duration>) -> Result<Reply, RenderError> {
         let mut process = lock(&self.process);
-        match process.ask(request) {
+        match process.ask(request, limit) {
             Ok(Reply::Failed(error)) => Err(refused(&mut process, self.backend, Reply::Failed(error))),
             Ok(reply) => Ok(reply),
             Err(reason) => Err(RenderError::Lost { backend: self.backend, reason }),
@@ -159,8 +173,11 @@ impl WorkerRenderer {
 
 impl Renderer for WorkerRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        match self.ask(&Request::Advance(self.run, samples))? {
+        let start = Instant::now();
+        match self.ask_within(&Request::Advance(self.run, samples), limit(self.pace, samples))? {
             Reply::Advanced(stats, film) => {
+                let pace = start.elapsed().as_secs_f64() / samples.max(1) as f64;
+                self.pace = Some(self.pace.map_or(pace, |slowest| slowest.max(pace)));
                 self.film = film;
                 Ok(stats)
             }
@@ -180,6 +197,17 @@ impl Renderer for WorkerRenderer {
         match self.ask(&Request::Layer(self.run, index))? {
             Reply::Layer(film) => Ok(film),
             _ => Err(self.astray()),
+        }
+    }
+
+    fn times(&self) -> Option<TimeCube> {
+        match self.ask(&Request::Times(self.run)) {
+            Ok(Reply::Times(cube)) => cube,
+            other => {
+                let error = other.err().unwrap_or_else(|| self.astray());
+                tracing::warn!("the light of this run by its time is lost: {error}");
+                None
+            }
         }
     }
 
@@ -214,5 +242,18 @@ impl Drop for WorkerRenderer {
             // Where that does not arrive the worker is gone, and the run with it.
             let _ = process.tell(&Request::Close(self.run));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wave_may_take_many_times_as_long_as_before_and_the_first_one_as_long_as_it_takes() {
+        assert_eq!(limit(None, 1 << 40), None);
+        assert_eq!(limit(Some(0.0), 7), Some(Duration::from_secs(60)));
+        assert_eq!(limit(Some(0.5), 8), Some(Duration::from_secs(60 + 80)));
+        assert!(limit(Some(1e300), u64::MAX).is_some());
     }
 }

@@ -4,9 +4,10 @@ use std::collections::VecDeque;
 use std::io::{self, BufRead, BufReader, BufWriter};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::frame;
 use super::message::{Reply, Request};
@@ -18,7 +19,25 @@ pub struct Launcher {
     pub program: PathBuf,
     /// Its arguments.
     pub arguments: Vec<String>,
+    /// How long a worker may give no sign of life before it counts as stopped.
+    pub silence: Duration,
 }
+
+impl Launcher {
+    /// A program with its arguments, which counts as stopped after [`SILENCE`].
+    pub fn new<const N: usize>(program: PathBuf, arguments: [&str; N]) -> Launcher {
+        Launcher { program, arguments: arguments.map(str::to_owned).into(), silence: SILENCE }
+    }
+}
+
+/// How often a worker gives a sign of life.
+pub const BEAT: Duration = Duration::from_millis(500);
+
+/// How long a worker may give none. A machine that is out of breath delays a thread by seconds, not by half a minute.
+pub const SILENCE: Duration = Duration::from_secs(30);
+
+/// Requests that may wait for a worker that reads an earlier one.
+const WAITING: usize = 16;
 
 /// Lines of a worker that are kept, to be told when it dies.
 const LAST_WORDS: usize = 3;
@@ -30,8 +49,11 @@ const LAST_MOMENTS: u32 = 50;
 #[derive(Debug)]
 pub struct Process {
     child: Child,
-    requests: BufWriter<ChildStdin>,
-    replies: BufReader<ChildStdout>,
+    /// To the thread that writes, so that nobody waits for a worker that does not read.
+    requests: Option<SyncSender<Vec<u8>>>,
+    /// From the thread that reads.
+    replies: Receiver<io::Result<Option<Reply>>>,
+    silence: Duration,
     last_words: Arc<Mutex<VecDeque<String>>>,
     /// Hears what it says until it ends.
     listener: Option<JoinHandle<()>>,
@@ -64,10 +86,11 @@ impl Process {
         };
         let last_words = Arc::default();
         let listener = Some(listen(talk, Arc::clone(&last_words)).map_err(failed)?);
-        let (requests, replies) = (BufWriter::new(requests), BufReader::with_capacity(1 << 16, replies));
+        let (requests, replies) = (Some(write(requests).map_err(failed)?), read(replies).map_err(failed)?);
+        let silence = launcher.silence;
         let mut process =
-            Process { child, requests, replies, last_words, listener, scene: [0; 32], runs: 0, dead: None };
-        match process.hear()? {
+            Process { child, requests, replies, silence, last_words, listener, scene: [0; 32], runs: 0, dead: None };
+        match process.hear(None)? {
             Reply::Ready(version) if version == super::VERSION => Ok(process),
             Reply::Ready(version) => {
                 let ours = super::VERSION;
@@ -87,13 +110,13 @@ impl Process {
         self.dead.is_some()
     }
 
-    /// Asks it something and waits for the answer.
+    /// Asks it something and waits for the answer: as long as it gives signs of life and, where there is a `limit`, no longer.
     ///
     /// # Errors
-    /// When it has died or makes no sense, in words; it is then gone for good.
-    pub fn ask(&mut self, request: &Request) -> Result<Reply, String> {
+    /// When it has died, is stopped, takes too long or makes no sense, in words; it is then gone for good.
+    pub fn ask(&mut self, request: &Request, limit: Option<Duration>) -> Result<Reply, String> {
         self.tell(request)?;
-        self.hear()
+        self.hear(limit)
     }
 
     /// Tells it something that has no answer.
@@ -104,16 +127,31 @@ impl Process {
         if let Some(how) = &self.dead {
             return Err(how.clone());
         }
-        frame::write(&mut self.requests, &request.encode()).map_err(|e| self.end(&format!("it does not listen: {e}")))
+        let sent = self.requests.as_ref().is_some_and(|requests| requests.try_send(request.encode()).is_ok());
+        // A thread that has ended has met a broken pipe; what it says is in the answers.
+        if sent { Ok(()) } else { Err(self.end("it does not listen")) }
     }
 
-    fn hear(&mut self) -> Result<Reply, String> {
-        let message = match frame::read(&mut self.replies) {
-            Ok(Some(message)) => message,
-            Ok(None) => return Err(self.end("it ended")),
-            Err(e) => return Err(self.end(&format!("its answer broke off: {e}"))),
-        };
-        Reply::decode(&message).map_err(|e| self.end(&e.to_string()))
+    fn hear(&mut self, limit: Option<Duration>) -> Result<Reply, String> {
+        let start = Instant::now();
+        // Beats that did not come are counted, not seconds: this process may have been stopped itself.
+        let most = (self.silence.as_secs_f64() / BEAT.as_secs_f64()).ceil() as u32;
+        let mut missed = 0;
+        loop {
+            match self.replies.recv_timeout(BEAT) {
+                Ok(Ok(Some(Reply::Alive()))) => missed = 0,
+                Ok(Ok(Some(reply))) => return Ok(reply),
+                Ok(Ok(None)) | Err(RecvTimeoutError::Disconnected) => return Err(self.end("it ended")),
+                Ok(Err(e)) => return Err(self.end(&format!("its answer broke off: {e}"))),
+                Err(RecvTimeoutError::Timeout) => missed += 1,
+            }
+            if missed > most {
+                return Err(self.end(&format!("it gave no sign of life for {} s", self.silence.as_secs())));
+            }
+            if let Some(limit) = limit.filter(|limit| start.elapsed() > *limit) {
+                return Err(self.end(&format!("it did not answer within {} s", limit.as_secs())));
+            }
+        }
     }
 
     /// Whether it has ended by itself. A pipe is closed a moment before its process has a status.
@@ -135,6 +173,7 @@ impl Process {
         // It may have ended by itself, which its status tells; one that hangs tells nothing.
         let by_itself = self.patient_wait();
         let _ = self.child.kill();
+        self.requests = None;
         let status = self.child.wait().map_or_else(|e| e.to_string(), |status| status.to_string());
         let status = if by_itself { format!(", {status}") } else { String::new() };
         if let Some(listener) = self.listener.take() {
@@ -153,6 +192,45 @@ impl Drop for Process {
         let _ = self.child.kill();
         self.end("it is no longer needed");
     }
+}
+
+/// Writes what it is given to a worker, until there is no more, or the pipe breaks.
+fn write(pipe: ChildStdin) -> io::Result<SyncSender<Vec<u8>>> {
+    let (requests, waiting) = sync_channel::<Vec<u8>>(WAITING);
+    let work = move || {
+        let mut pipe = BufWriter::new(pipe);
+        for message in waiting {
+            // Whoever waits for the answer hears that the worker is gone.
+            if frame::write(&mut pipe, &message).is_err() {
+                break;
+            }
+        }
+    };
+    thread::Builder::new().name("worker-requests".to_owned()).spawn(work)?;
+    Ok(requests)
+}
+
+/// Reads what a worker answers, until it ends or makes no sense.
+fn read(pipe: ChildStdout) -> io::Result<Receiver<io::Result<Option<Reply>>>> {
+    let (replies, heard) = sync_channel(1);
+    let work = move || {
+        let mut pipe = BufReader::with_capacity(1 << 16, pipe);
+        loop {
+            let message = frame::read(&mut pipe);
+            let reply = message.and_then(|m| m.map(|m| Reply::decode(&m).map_err(io::Error::other)).transpose());
+            let goes_on = matches!(reply, Ok(Some(_)));
+            // Between requests nobody listens: a sign of life may be left out, an answer waits.
+            let sent = match reply {
+                Ok(Some(Reply::Alive())) => !matches!(replies.try_send(reply), Err(TrySendError::Disconnected(_))),
+                reply => replies.send(reply).is_ok(),
+            };
+            if !goes_on || !sent {
+                break;
+            }
+        }
+    };
+    thread::Builder::new().name("worker-replies".to_owned()).spawn(work)?;
+    Ok(heard)
 }
 
 /// Hands what a worker says on to the log, and keeps the end of it.

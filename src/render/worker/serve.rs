@@ -4,10 +4,13 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::io::{self, Read, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 
 use super::frame;
 use super::message::{Reply, Request};
+use super::process::BEAT;
 use super::wire::Blob;
 use crate::render::{Job, RenderError, Renderer};
 use crate::scene::CompiledScene;
@@ -22,12 +25,37 @@ struct Bench<'a> {
     runs: BTreeMap<u64, Box<dyn Renderer>>,
 }
 
-/// Works until the requests end, or a device is lost, and with it this process.
+/// Works until the requests end, or a device is lost, and with it this process. A thread of its own gives signs of life all
+/// the while.
 ///
 /// # Errors
-/// When a pipe fails or brings what makes no sense.
-pub fn serve(mut requests: impl Read, mut replies: impl Write, open: Open<'_>) -> io::Result<()> {
-    frame::write(&mut replies, &Reply::Ready(super::VERSION.to_owned()).encode())?;
+/// When a pipe fails or brings what makes no sense, or there is no thread to be had.
+pub fn serve(requests: impl Read, replies: impl Write + Send, open: Open<'_>) -> io::Result<()> {
+    let replies = Mutex::new(replies);
+    let say = |reply: &Reply| {
+        let message = reply.encode();
+        frame::write(&mut *replies.lock().unwrap_or_else(PoisonError::into_inner), &message)
+    };
+    thread::scope(|scope| {
+        // Dropped when there is nothing more to do, which ends the thread.
+        let (_working, ended) = sync_channel::<()>(0);
+        let say = &say;
+        let beats = move || {
+            while ended.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
+                // A pipe that is broken ends the work itself.
+                if say(&Reply::Alive()).is_err() {
+                    break;
+                }
+            }
+        };
+        thread::Builder::new().name("worker-beats".to_owned()).spawn_scoped(scope, beats)?;
+        answer(requests, say, open)
+    })
+}
+
+/// Answers requests until they end, or a device is lost.
+fn answer(mut requests: impl Read, say: &dyn Fn(&Reply) -> io::Result<()>, open: Open<'_>) -> io::Result<()> {
+    say(&Reply::Ready(super::VERSION.to_owned()))?;
     let mut bench = Bench { open, scene: None, runs: BTreeMap::new() };
     while let Some(message) = frame::read(&mut requests)? {
         let request = Request::decode(&message).map_err(io::Error::other)?;
@@ -42,7 +70,7 @@ pub fn serve(mut requests: impl Read, mut replies: impl Write, open: Open<'_>) -
             }
         };
         if let Some(reply) = reply {
-            frame::write(&mut replies, &reply.encode())?;
+            say(&reply)?;
             if let Reply::Failed(RenderError::Lost { .. }) = reply {
                 return Ok(());
             }
@@ -83,6 +111,7 @@ impl Bench<'_> {
                 Reply::Advanced(stats, renderer.film().clone())
             }
             Request::Layer(run, index) => Reply::Layer(self.run(run)?.layer(index)?),
+            Request::Times(run) => Reply::Times(self.run(run)?.times()),
             Request::Save(run) => {
                 let mut state = Vec::new();
                 match self.run(run)?.save(&mut state) {

@@ -5,15 +5,20 @@ use std::collections::BTreeMap;
 use super::wire::{Garbled, Reader, Wire, structs, words};
 use crate::film::Film;
 use crate::film::layer::{LAYERS, Layer};
+use crate::film::time::{TimeAxis, TimeCube, TimeFilter};
+use crate::math::piecewise::Piecewise;
 use crate::render::hierarchy::AccelSpec;
 use crate::render::{BACKENDS, Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{
-    Cone, DirectionalLight, Distribution, Emitter, Environment, Instance, Instances, Interface, MaskMode, Material,
-    Model, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DelayKind, DelayParam, DelayProfile, Delays, DirectionalLight, Distribution, Emitter, Environment, Instance,
+    Instances, Interface, MaskMode, Material, Model, Part, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes,
+    UvMap,
 };
 use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FILTERS, FilterKind, FilterSpec};
+use crate::transport::delay::Profile;
+use crate::transport::flight::Timing;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 use crate::value::Value;
@@ -41,6 +46,11 @@ structs! {
     CameraDesc { position, target, up, fov_deg, aperture, focus_distance, optics }
     Optics { f_number, focal_length, sensor_height }
     FilterSpec { kind, radius }
+    Delays { rows, parts, profiles }
+    Part { upto, material, profiles }
+    DelayProfile { kind, params, tiling, table }
+    Timing { axis, filter, camera, medium, emission, metres }
+    TimeAxis { start, bin, bins }
     WaveStats { samples, render_s, device_s, paths, rays, invalid, first_invalid }
     OpenStats { upload_s, pipeline_s, accel_build_s, accel_nodes, accel_bytes, accel_cost, device }
 }
@@ -49,14 +59,14 @@ words! {
     Model: Model::ALL,
     Distribution: Distribution::ALL,
     MaskMode: MaskMode::ALL,
+    DelayKind: DelayKind::ALL,
     FilterKind: FILTERS.map(|(kind, _)| kind),
     Layer: LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>(),
 }
 
 impl Wire for CompiledScene {
     fn put(&self, to: &mut Vec<u8>) {
-        // Delays change no picture, and [`Pool::open`](super::Pool::open) has refused composed materials.
-        let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays: _, .. } = self;
+        let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays, .. } = self;
         let CompiledScene { instances, textures, emitters, points, directionals, environment, camera, .. } = self;
         let CompiledScene { bounds, resolution, max_depth, .. } = self;
         content_hash.put(to);
@@ -66,6 +76,7 @@ impl Wire for CompiledScene {
         instances.put(to);
         spheres.put(to);
         materials.put(to);
+        delays.put(to);
         textures.put(to);
         emitters.put(to);
         points.put(to);
@@ -86,7 +97,7 @@ impl Wire for CompiledScene {
             instances: Wire::take(from)?,
             spheres: Wire::take(from)?,
             materials: Wire::take(from)?,
-            delays: Default::default(),
+            delays: Wire::take(from)?,
             textures: Wire::take(from)?,
             emitters: Wire::take(from)?,
             points: Wire::take(from)?,
@@ -110,6 +121,94 @@ impl Wire for SharedMesh {
     fn take(from: &mut Reader<'_>) -> Result<SharedMesh, Garbled> {
         let [start, end] = Wire::take(from)?;
         Ok(SharedMesh { triangles: start..end, shining: Wire::take(from)? })
+    }
+}
+
+impl Wire for [DelayParam; 2] {
+    fn put(&self, to: &mut Vec<u8>) {
+        for DelayParam { value, offset, texture } in self {
+            [*value, *offset].put(to);
+            texture.put(to);
+        }
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<[DelayParam; 2], Garbled> {
+        let mut params = [DelayParam { value: 0.0, offset: 0.0, texture: 0 }; 2];
+        for param in &mut params {
+            let [value, offset] = Wire::take(from)?;
+            *param = DelayParam { value, offset, texture: Wire::take(from)? };
+        }
+        Ok(params)
+    }
+}
+
+impl Wire for Piecewise {
+    fn put(&self, to: &mut Vec<u8>) {
+        self.knots().collect::<Vec<_>>().put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<Piecewise, Garbled> {
+        let knots: Vec<[f64; 3]> = Wire::take(from)?;
+        Ok(Piecewise::of_knots(knots))
+    }
+}
+
+impl Wire for Profile {
+    fn put(&self, to: &mut Vec<u8>) {
+        let (kind, params, table) = match self {
+            Profile::Constant(delay) => (0u8, [*delay, 0.0], None),
+            Profile::Exponential(rate) => (1, [*rate, 0.0], None),
+            Profile::Epanechnikov { mean, width } => (2, [*mean, *width], None),
+            Profile::Table(table) => (3, [0.0; 2], Some(table.clone())),
+        };
+        kind.put(to);
+        params.put(to);
+        table.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<Profile, Garbled> {
+        let (kind, [a, b]) = (u8::take(from)?, Wire::take(from)?);
+        let table: Option<Piecewise> = Wire::take(from)?;
+        match kind {
+            0 => Ok(Profile::Constant(a)),
+            1 => Ok(Profile::Exponential(a)),
+            2 => Ok(Profile::Epanechnikov { mean: a, width: b }),
+            _ => table.map(Profile::Table).ok_or(Garbled),
+        }
+    }
+}
+
+impl Wire for TimeFilter {
+    fn put(&self, to: &mut Vec<u8>) {
+        let (name, radius) = self.parts();
+        name.to_owned().put(to);
+        radius.put(to);
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<TimeFilter, Garbled> {
+        let (name, radius) = (String::take(from)?, Wire::take(from)?);
+        TimeFilter::named(&name, radius).ok_or(Garbled)
+    }
+}
+
+impl Wire for TimeCube {
+    fn put(&self, to: &mut Vec<u8>) {
+        let TimeCube { axis, width, height, samples, sum, square } = self;
+        axis.put(to);
+        [*width, *height].put(to);
+        samples.put(to);
+        to.extend_from_slice(bytemuck::cast_slice(sum));
+        to.extend_from_slice(bytemuck::cast_slice(square));
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<TimeCube, Garbled> {
+        let (axis, [width, height]) = (TimeAxis::take(from)?, <[u32; 2]>::take(from)?);
+        let samples = Wire::take(from)?;
+        let slots = (width as usize).checked_mul(height as usize).and_then(|n| n.checked_mul(axis.slots()));
+        let bytes = |each: usize| slots.and_then(|n| n.checked_mul(each)).ok_or(Garbled);
+        let sum = bytemuck::pod_collect_to_vec(from.take(bytes(24)?)?);
+        let square = bytemuck::pod_collect_to_vec(from.take(bytes(12)?)?);
+        Ok(TimeCube { axis, width, height, samples, sum, square })
     }
 }
 
@@ -154,8 +253,8 @@ impl Wire for BTreeMap<String, Value> {
 
 impl Wire for Job {
     fn put(&self, to: &mut Vec<u8>) {
-        // [`Pool::open`](super::Pool::open) has refused a time axis, and a device builds its hierarchy as it likes.
-        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing: _, accel: _, .. } = self;
+        // A device builds its hierarchy as it likes.
+        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing, accel: _, .. } = self;
         let Job { sampler, seed, threads, .. } = self;
         integrator.name.to_owned().put(to);
         params.put(to);
@@ -164,6 +263,7 @@ impl Wire for Job {
         rr_start.put(to);
         filter.put(to);
         layers.put(to);
+        timing.put(to);
         sampler.name.to_owned().put(to);
         seed.put(to);
         threads.put(to);
@@ -178,7 +278,7 @@ impl Wire for Job {
             rr_start: Wire::take(from)?,
             filter: Wire::take(from)?,
             layers: Wire::take(from)?,
-            timing: None,
+            timing: Wire::take(from)?,
             accel: AccelSpec::default(),
             sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
             seed: Wire::take(from)?,

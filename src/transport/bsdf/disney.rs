@@ -7,8 +7,10 @@ use glam::Vec3;
 
 use super::clearcoat::Clearcoat;
 use super::diffuse::Diffuse;
+use super::facets::mirrored;
 use super::fresnel;
 use super::ggx::{Ggx, Half};
+use super::glass::{Passage, refracted};
 use super::{LobeSample, Local, Mode};
 use crate::math::warp;
 
@@ -287,28 +289,17 @@ impl Disney {
         (f, if REVERSE { pdf } else { [pdf[0], 0.0] })
     }
 
-    /// Rough refraction into `i` on the lower side [Walter et al. 2007, equations 17 and 21]. Radiance is compressed into
-    /// `1 / eta^2` of the solid angle that importance is.
+    /// Rough refraction into `i` on the lower side.
     #[inline]
     fn transmitted(&self, view: &View, i: Vec3, mode: Mode) -> (Vec3, f32) {
         if self.refractive <= 0.0 || self.smooth_glass() {
             return (Vec3::ZERO, 0.0);
         }
         let (o, eta) = (view.o, view.eta);
-        let h = (o + i * eta).normalize_or(Vec3::Z);
-        let h = if h.z < 0.0 { -h } else { h };
-        let (dot_o, dot_i) = (o.dot(h), i.dot(h));
-        if dot_o <= 0.0 || dot_i >= 0.0 {
-            return (Vec3::ZERO, 0.0);
-        }
-        let passes = 1.0 - fresnel::dielectric(dot_o, eta).reflectance;
-        let bend = dot_o + eta * dot_i;
-        let common = passes * view.masking * self.ggx.d(h) * dot_o * -dot_i / (bend * bend);
-        let scale = match mode {
-            Mode::Radiance => 1.0,
-            Mode::Importance => eta * eta,
-        };
+        let Some(passage) = Passage::between(o, i, eta) else { return (Vec3::ZERO, 0.0) };
+        let common = passage.spread(passage.passes * view.masking * self.ggx.d(passage.h));
         let masking = self.ggx.masking_over_cos(flipped(i));
+        let scale = passage.scale(mode);
         let f = self.tint() * (self.refractive * common * masking * scale * self.coat.passes(o.z, i.z));
         (f, view.choice.glass * common * eta * eta)
     }
@@ -414,18 +405,4 @@ impl Pair {
 #[inline]
 fn flipped(w: Vec3) -> Vec3 {
     Vec3::new(w.x, w.y, -w.z)
-}
-
-#[inline]
-fn mirrored(o: Vec3, h: Vec3) -> Vec3 {
-    h * (2.0 * o.dot(h)) - o
-}
-
-/// The direction refracted at `h`. Its tangential part is taken from the vectors rather than from their cosine, which has
-/// no digits left for it near the normal: what is returned is a unit vector even where rays are bent strongly.
-#[inline]
-fn refracted(o: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
-    let along = (h * o.dot(h) - o) / eta;
-    let cos2_t = 1.0 - along.length_squared();
-    (cos2_t > 0.0).then(|| along - h * cos2_t.sqrt())
 }

@@ -44,21 +44,10 @@ impl Glass {
             let common = 0.25 * r * facets.pdf_over_dot(o, h);
             return (self.specular * (common * facets.masking_over_cos(i)), common);
         }
-        let h = (o + i * eta).normalize_or(Vec3::Z);
-        let h = if h.z < 0.0 { -h } else { h };
-        let (dot_o, dot_i) = (o.dot(h), i.dot(h));
-        if dot_o <= 0.0 || dot_i >= 0.0 {
-            return (Vec3::ZERO, 0.0);
-        }
-        let passes = 1.0 - fresnel::dielectric(dot_o, eta).reflectance;
-        let bend = dot_o + eta * dot_i;
-        let common = passes * facets.pdf_over_dot(o, h) * dot_o * -dot_i / (bend * bend);
-        let scale = match mode {
-            Mode::Radiance => 1.0,
-            Mode::Importance => eta * eta,
-        };
+        let Some(passage) = Passage::between(o, i, eta) else { return (Vec3::ZERO, 0.0) };
+        let common = passage.spread(passage.passes * facets.pdf_over_dot(o, passage.h));
         let masking = facets.masking_over_cos(Vec3::new(i.x, i.y, -i.z));
-        (self.tint() * (common * masking * scale), common * eta * eta)
+        (self.tint() * (common * masking * passage.scale(mode)), common * eta * eta)
     }
 
     /// A direction for `o` on the upper side.
@@ -100,9 +89,54 @@ impl Glass {
     }
 }
 
-/// The direction refracted at `h`, as a unit vector also near the normal.
+/// Light that passes a facet, from `o` on the upper side to `i` on the lower one [Walter et al. 2007, equations 17 and 21].
+/// Every rough refractive lobe is made of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage {
+    /// The normal of the facet, on the upper side.
+    pub h: Vec3,
+    /// The part that is not reflected.
+    pub passes: f32,
+    /// Cosines of `o` and `i` with it, and the index of the lower side relative to the upper one.
+    dot: [f32; 2],
+    eta: f32,
+}
+
+impl Passage {
+    /// The one facet that bends `o` into `i`, if any does; `eta` is the index of the lower side relative to the upper one.
+    #[inline]
+    pub fn between(o: Vec3, i: Vec3, eta: f32) -> Option<Passage> {
+        let h = (o + i * eta).normalize_or(Vec3::Z);
+        let h = if h.z < 0.0 { -h } else { h };
+        let dot = [o.dot(h), i.dot(h)];
+        if dot[0] <= 0.0 || dot[1] >= 0.0 {
+            return None;
+        }
+        Some(Passage { h, passes: 1.0 - fresnel::dielectric(dot[0], eta).reflectance, dot, eta })
+    }
+
+    /// A density over facets, over the cosine of `o`, as one over directions of `i`, but for `eta^2`.
+    #[inline]
+    pub fn spread(&self, density: f32) -> f32 {
+        let [dot_o, dot_i] = self.dot;
+        let bend = dot_o + self.eta * dot_i;
+        density * dot_o * -dot_i / (bend * bend)
+    }
+
+    /// Radiance is compressed into `1 / eta^2` of the solid angle that importance is.
+    #[inline]
+    pub fn scale(&self, mode: Mode) -> f32 {
+        match mode {
+            Mode::Radiance => 1.0,
+            Mode::Importance => self.eta * self.eta,
+        }
+    }
+}
+
+/// The direction refracted at `h`. Its tangential part is taken from the vectors rather than from their cosine, which has
+/// no digits left for it near the normal: what is returned is a unit vector even where rays are bent strongly.
 #[inline]
-fn refracted(o: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
+pub fn refracted(o: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let along = (h * o.dot(h) - o) / eta;
     let cos2_t = 1.0 - along.length_squared();
     (cos2_t > 0.0).then(|| along - h * cos2_t.sqrt())

@@ -1,3 +1,5 @@
+#define TIMES
+#define PARTS
 #include "transport/integrator/bdpt/mod.glsl"
 
 void integrate(uvec2 pixel, inout Sampler numbers) {

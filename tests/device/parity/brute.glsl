@@ -2,10 +2,13 @@
 // tests/device/twins/integrator.rs does, and a film that adds up what one sample brings to all pixels.
 vec3 total = vec3(0.0), unweighted = vec3(0.0);
 uint strategies = 0u, rays = 0u;
+// Optical lengths, each with a weight of its own, so that none stands for another.
+double lengths = 0.0lf;
 
 void sink(Contribution c) {
     total += c.value;
     unweighted += c.unweighted;
+    lengths += c.optical_length * double(1u + c.s * 3u + c.t);
     strategies += (c.s * 31u + c.t * 7u + 1u) * (c.pixel.x * 3u + c.pixel.y * 5u + 1u);
 }
 
@@ -67,4 +70,5 @@ void twin() {
     out_vec3(unweighted);
     out_word(strategies);
     out_word(rays);
+    out_float(float(lengths));
 }

@@ -10,6 +10,8 @@ use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture};
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
+use lumbre::transport::delay::Profile;
+use lumbre::transport::flight::Timing;
 use lumbre::transport::integrator::{Context, Settings, integrator};
 use lumbre::transport::light::{Lights, Select};
 use lumbre::transport::ray::{Hit, Ray, Trace};
@@ -19,6 +21,7 @@ use lumbre::value::Value;
 
 use super::{Dice, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
+use crate::device::harness::{slow, timing};
 use crate::device::parity::{Near, Row, Twin};
 
 /// Asks every primitive, with the formulas of tests/device/parity/brute.glsl.
@@ -91,13 +94,15 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
         max_depth: job.max_depth,
         rr_start: job.rr_start,
         settings: &Settings::new(&job.params),
-        timing: None,
+        timing: job.timing.as_ref(),
     };
     let (mut total, mut unweighted, mut strategies) = (Vec3::ZERO, Vec3::ZERO, 0u32);
+    let mut lengths = 0.0f64;
     let mut sampler = (job.sampler.start)(job.seed, pixel, u64::from(index));
     (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
         total += c.value;
         unweighted += c.unweighted;
+        lengths += c.length * f64::from(1 + c.s * 3 + c.t);
         let place = c.pixel[0] * 3 + c.pixel[1] * 5 + 1;
         strategies = strategies.wrapping_add((c.s * 31 + c.t * 7 + 1).wrapping_mul(place));
     });
@@ -105,6 +110,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
     row.push_floats(unweighted.to_array());
     row.push(strategies);
     row.push(brute.rays.get());
+    row.push_floats([lengths as f32]);
 }
 
 /// A room with a lamp, rough and smooth metal, glass with a ball in it and a varnished ball, seen through a lens.
@@ -127,6 +133,7 @@ fn closed() -> CompiledScene {
         .with(|s| {
             s.camera.aperture = 0.05;
             s.camera.focus_distance = Some(1.2);
+            slow(s);
         });
     Arc::unwrap_or_clone(builder.build())
 }
@@ -186,7 +193,8 @@ type Params = &'static [(&'static str, &'static str)];
 fn with(scene: CompiledScene, name: &str, depth: u32, params: Params) -> (Arc<CompiledScene>, Job) {
     let params: BTreeMap<String, Value> = params.iter().map(|(k, v)| ((*k).to_owned(), Value::from(*v))).collect();
     let integrator = integrator(name).expect("an integrator");
-    (Arc::new(scene), Job { integrator, params, ..job([32, 18], depth, 5) })
+    let timing = Some(Timing { medium: 1.25, emission: Profile::Exponential(3.0), ..timing(0.0, 1.0, 1) });
+    (Arc::new(scene), Job { integrator, params, timing, ..job([32, 18], depth, 5) })
 }
 
 /// With a wide filter, roulette, and the sequence.
@@ -204,7 +212,7 @@ fn inputs() -> Vec<u32> {
 }
 
 const VALUE: Near = Near::Float { absolute: 1e-4, relative: 2e-3 };
-const NEAR: [Near; 8] = [VALUE, VALUE, VALUE, VALUE, VALUE, VALUE, SAME, SAME];
+const NEAR: [Near; 9] = [VALUE, VALUE, VALUE, VALUE, VALUE, VALUE, SAME, SAME, VALUE];
 
 /// Backward path tracing in the room.
 pub const BPT: Twin = Twin {

@@ -21,6 +21,7 @@ mod integrator;
 mod light;
 mod math;
 mod surface;
+mod time;
 
 const SAME: Near = Near::Bits;
 
@@ -101,6 +102,7 @@ pub const TWINS: &[&Twin] = &[
     &light::LIGHT_PLAIN,
     &camera::FILTER,
     &camera::CAMERA,
+    &time::DELAYS,
     &integrator::BPT,
     &integrator::BPT_OPEN,
     &integrator::NEE,

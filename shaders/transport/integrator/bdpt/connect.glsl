@@ -14,6 +14,7 @@ struct Connection {
     bool shadowed;
     Ray ray;
     float distance;
+    Length optical_length;
 };
 
 // Where the edge of a strategy goes that joins the subpaths.
@@ -90,6 +91,33 @@ bool aim_at_lens(uint s, EmissionSample start, Vertex y, inout Sampler numbers, 
     return met && (kind == LIGHT_EMITTER || far);
 }
 
+// When light arrives along the path of a strategy, as `connect.rs` says it for each.
+Length connection_length(
+    uint s, uint t, bool escaped, Subpaths paths, Vertex y, Vertex z, Aim aim, float direct_distance
+) {
+#ifdef TIMES
+    if (s == 0u) {
+        return escaped ? paths.escape_length : stamp_arrived(z.stamp);
+    }
+    if (t == 1u) {
+        float far = aim.camera.distance;
+        if (!is_finite(far)) {
+            far = lights_lead(aim.camera.lens, aim.camera.dir);
+        }
+        Length length = Length(paths.emitted) + Length(job.time_camera != 0u ? job.time_medium * far : 0.0);
+        return s == 1u ? length : length + stamp_of_light(y.stamp, y.bsdf, y.wo, -aim.wi, job.time_medium);
+    }
+    if (s == 1u) {
+        return flight_of_direct(z.stamp, z.bsdf, z.wo, z.position, aim.wi, direct_distance);
+    }
+    float index = z.stamp.index * bsdf_index_ratio(z.bsdf, z.wo, aim.wi);
+    Length near = stamp_onward(z.stamp, z.bsdf, z.wo, aim.wi, sqrt(aim.distance2));
+    return near + stamp_of_light(y.stamp, y.bsdf, y.wo, -aim.wi, index);
+#else
+    return Length(0.0);
+#endif
+}
+
 // What the strategy of `s` and `t` vertices finds; `y` and `z` are the ends of the subpaths, as far as there are any.
 // `escaped` is whether it is about light outside that the camera subpath met.
 bool connect(
@@ -131,6 +159,7 @@ bool connect(
     }
     c.pixel = pixel;
     c.shadowed = true;
+    c.optical_length = connection_length(s, t, escaped, paths, y, z, aim, direct.distance);
     if (s == 0u) {
         Chain chain = z.chain;
         if (escaped && !edge_chain(paths.escape.edge, h, 1.0lf, chain)) {

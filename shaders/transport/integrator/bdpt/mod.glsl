@@ -51,7 +51,7 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
                 continue;
             }
             float weight = raw ? 1.0 : float(1.0lf / (1.0lf + c.others));
-            sink(Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t));
+            sink(Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t, c.optical_length));
         }
     }
 }

@@ -7,6 +7,7 @@
 #include "scene.glsl"
 #include "transport/bsdf/mod.glsl"
 #include "transport/camera/lens.glsl"
+#include "transport/flight.glsl"
 #include "transport/integrator/bdpt/weights.glsl"
 #include "transport/light/mod.glsl"
 #include "transport/mod.glsl"
@@ -36,6 +37,9 @@ struct Vertex {
     vec3 emitted;
     vec3 throughput;
     Chain chain;
+#ifdef TIMES
+    Stamp stamp;
+#endif
 };
 
 // Where an edge of a subpath comes from.
@@ -71,7 +75,9 @@ struct Subpaths {
     EmissionSample start;
     bool escaped;
     Departure escape;
+    Length escape_length;
     vec3 lens;
+    float emitted;
 };
 
 // The vertices of both subpaths: from the camera, then from the light.
@@ -200,6 +206,8 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
     paths.light = 0u;
     paths.started = false;
     paths.escaped = false;
+    Chance chance = chance_new(numbers);
+    paths.emitted = chance_emission(chance);
     [[dont_unroll]] for (uint mode = RADIANCE; mode <= IMPORTANCE; ++mode) {
         Departure d;
         bool camera = mode == RADIANCE;
@@ -209,6 +217,10 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
             break;
         }
         uint edges = camera ? max_edges : max_edges - 1u;
+        Flight flight = flight_of_light(d.edge.from);
+        if (camera) {
+            flight = flight_of_camera(d.ray, paths.emitted);
+        }
         // What the path will bring back, as far as BSDFs tell: roulette goes by it. The weights know nothing of roulette.
         vec3 promise = vec3(1.0);
         Overhang over = NO_OVERHANG;
@@ -219,15 +231,23 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
                 if (camera) {
                     paths.escaped = true;
                     paths.escape = d;
+                    paths.escape_length = flight_escaped(flight, d.edge.dir);
                 }
                 break;
             }
-            Surface surface = surface_at(d.ray, hit);
+            // From the camera, the last edge finds light or nothing.
+            if (camera && count + 1u == edges && emitter_of(hit.primitive) == NONE) {
+                break;
+            }
+            Surface surface = flight_arrive(flight, d.ray, hit, chance);
             Vertex v;
             if ((over.present && !overhang_reaches(over, surface.position))
                 || !edge_arrive(d.edge, h, surface, mode, d.throughput, v)) {
                 break;
             }
+#ifdef TIMES
+            v.stamp = flight.stamp;
+#endif
             bool ends = surface_ends(surface);
             v.connectible = v.connectible && !ends;
             vertices[(camera ? 0u : MAX_DEPTH) + count] = v;
@@ -254,6 +274,7 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
             if (d.throughput == vec3(0.0)) {
                 break;
             }
+            flight_leave(flight, v.position, s.eta);
             d.ray = surface_spawn(surface, s.wi);
             d.edge = vertex_onward(v, h, mode, s);
             over = overhang_into(surface, s.wi);

@@ -5,14 +5,11 @@
 #define TRANSPORT_INTEGRATOR_BDPT_WEIGHTS_GLSL
 
 #include "scene.glsl"
+#include "math/elementary.glsl"
 #include "transport/bsdf/mod.glsl"
 #include "transport/light/mod.glsl"
 #include "transport/mis.glsl"
 #include "transport/vertex.glsl"
-
-bool is_finite(double x) {
-    return (unpackDouble2x32(x).y & 0x7ff00000u) != 0x7ff00000u;
-}
 
 // The term of a density, or of a ratio of densities: `Heuristic::term`.
 double heuristic_term(uint h, double p) {

@@ -1,0 +1,136 @@
+// Films with a time axis: twin of src/film/time.rs and of the gathering in src/render/cpu/times.rs. Without TIMES splats go to
+// the picture, and nothing else is left of it.
+#ifndef FILM_TIME_GLSL
+#define FILM_TIME_GLSL
+
+#ifdef TIMES
+#include "math/elementary.glsl"
+#include "transport/bsdf/beckmann.glsl"
+
+// Sums, [pixel][slot].
+layout(set = 0, binding = 25, scalar) buffer TimeRows { TimeSums time_sums[]; };
+// What the sample in progress has brought to each slot of its own pixel, [pixel][slot]; black between samples.
+layout(set = 0, binding = 26, scalar) buffer TimeValues { vec3 time_values[]; };
+
+// Slots that the sample in progress has brought light to, as far as there is room; beyond it all are looked at.
+const uint MOST_TOUCHED = 24u;
+uint time_touched[MOST_TOUCHED];
+uint time_count;
+
+uint time_slots() {
+    return job.time_bins + 2u;
+}
+
+// Place of an optical length in bins from the start.
+double time_place(double optical) {
+    return (optical - packDouble2x32(job.time_start)) / packDouble2x32(job.time_bin);
+}
+
+// The slot of a place in bins; what is not a number is late.
+uint time_slot(double place) {
+    if (is_finite(place)) {
+        if (place < 0.0lf) {
+            return 0u;
+        }
+        if (place < double(job.time_bins)) {
+            return min(uint(place) + 1u, job.time_bins);
+        }
+    } else if ((unpackDouble2x32(place).y & 0x800fffffu) == 0x80000000u) {
+        return 0u;
+    }
+    return job.time_bins + 1u;
+}
+
+// erf(3 / sqrt 2): the part of a Gaussian within three standard deviations.
+const float TIME_CUT = 0.9973002039367398;
+
+// The part of the filter about `place` that lies below `x`.
+double time_below(double x, double place, double reach) {
+    double t = clamp(x - place, -reach, reach);
+    if (job.time_filter == TIME_FILTER_BOX) {
+        return 0.5lf + 0.5lf * t / reach;
+    }
+    float s = float(t / packDouble2x32(job.time_radius)) / SQRT_2;
+    return 0.5lf + 0.5lf * double(erf(s) / TIME_CUT);
+}
+
+void time_give(uint at, uint slot, vec3 value) {
+    if (time_values[at] == vec3(0.0)) {
+        if (time_count < MOST_TOUCHED) {
+            time_touched[time_count] = slot;
+        }
+        time_count += 1u;
+    }
+    time_values[at] += value;
+}
+
+// Shares a contribution to a pixel among its slots; whether all was taken.
+bool time_spread(bool own, uint pixel, Contribution c) {
+    double place = time_place(c.optical_length);
+    double reach = job.time_filter == TIME_FILTER_NONE || !is_finite(place) ? 0.0lf : packDouble2x32(job.time_radius);
+    reach *= job.time_filter == TIME_FILTER_GAUSS ? 3.0lf : 1.0lf;
+    uint first = time_slot(place - reach), last = time_slot(place + reach);
+    double before = 0.0lf;
+    bool taken = true;
+    [[dont_unroll]] for (uint slot = first; slot <= last; ++slot) {
+        double until = slot == last ? 1.0lf : time_below(double(slot), place, reach);
+        if (until > before) {
+            float share = float(until - before);
+            before = until;
+            uint at = pixel * time_slots() + slot;
+            if (own) {
+                time_give(at, slot, c.value * share);
+            } else {
+                taken = splat_add(at, c.value * share) && taken;
+            }
+        }
+    }
+    return taken;
+}
+
+void time_begin() {
+    time_count = 0u;
+}
+
+void time_own(uint pixel, Contribution c) {
+    time_spread(true, pixel, c);
+}
+
+bool time_splat(uint pixel, Contribution c) {
+    return time_spread(false, pixel, c);
+}
+
+// Ends a sample, which the picture took or not. Returns how many times there was no room for squares: once, or not.
+uint time_close(uint pixel, bool counts) {
+    bool all_slots = time_count > MOST_TOUCHED;
+    uint count = all_slots ? time_slots() : time_count;
+    bool room = true;
+    for (uint i = 0u; i < count; i++) {
+        uint at = pixel * time_slots() + (all_slots ? i : time_touched[i]);
+        vec3 value = time_values[at];
+        time_values[at] = vec3(0.0);
+        if (counts && value != vec3(0.0)) {
+            TimeSums sums = time_sums[at];
+            add_exactly(sums.sum, sums.sum_rest, value);
+            sums.square += value * value;
+            room = room && finite(sums.square);
+            time_sums[at] = sums;
+        }
+    }
+    return room ? 0u : 1u;
+}
+#else
+void time_begin() {}
+
+void time_own(uint pixel, Contribution c) {}
+
+bool time_splat(uint pixel, Contribution c) {
+    return splat_add(pixel, c.value);
+}
+
+uint time_close(uint pixel, bool counts) {
+    return 0u;
+}
+#endif
+
+#endif

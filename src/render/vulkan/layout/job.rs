@@ -1,0 +1,127 @@
+//! What shaders read of a job: everything that stays the same from sample to sample.
+
+super::gpu_structs! {
+    /// A light as `transport::light::Lights` chooses it: a column of its alias table, and the light's own probability.
+    pub struct LightChoice {
+        /// How many of the column's steps mean its own light.
+        own: u32,
+        /// The light that the others mean.
+        above: u32,
+        /// Probability of the light with this index; 0 for columns that have no light.
+        pmf: f32,
+    }
+
+    /// A row of an environment's map, and its cumulative probability.
+    pub struct EnvironmentRow {
+        /// Cumulative probability after this row.
+        marginal: f32,
+        /// Cosine of the polar angle at the upper edge.
+        upper: f32,
+        /// Cosine at the lower edge minus cosine at the upper one: negative.
+        step: f32,
+        /// One minus the absolute cosine at the upper edge, exact near the poles.
+        upper_rest: f32,
+        /// Columns over the solid angle of the row: density per solid angle of a cell is its probability times this.
+        density: f32,
+    }
+
+    /// Everything that stays the same from sample to sample: camera, limits, settings, lights.
+    pub struct Job {
+        /// Position of the camera in world space.
+        camera_position: [f32; 3],
+        /// Unit vector to the picture's right.
+        camera_right: [f32; 3],
+        /// Unit vector to the picture's top.
+        camera_up: [f32; 3],
+        /// Unit vector along the optical axis.
+        camera_forward: [f32; 3],
+        /// Half extent of the picture at distance 1, horizontally and vertically.
+        camera_half: [f32; 2],
+        /// Width and height in pixels.
+        resolution: [u32; 2],
+        /// Radius of the lens; 0 is a pinhole.
+        lens_radius: f32,
+        /// Distance of the plane of focus.
+        focus_distance: f32,
+        /// FILTER_BOX and so on.
+        filter_kind: u32,
+        /// Half width of the filter in pixels.
+        filter_radius: f32,
+        /// Greatest number of path edges.
+        max_depth: u32,
+        /// First path edge after which roulette may end a path, or NONE.
+        rr_start: u32,
+        /// MIS_POWER, MIS_BALANCE, or NONE.
+        mis: u32,
+        /// 1 where every light is asked at every vertex, else 0.
+        all_lights: u32,
+        /// The strategy (s, t) that is kept or left out; NONE, NONE for all.
+        one_strategy: [u32; 2],
+        /// 1 where that strategy is kept, 0 where it is left out.
+        keep_strategy: u32,
+        /// SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
+        sampler_kind: u32,
+        /// Low and high word of the seed.
+        seed: [u32; 2],
+        /// Number of triangles: primitive ids from here on are spheres.
+        triangle_count: u32,
+        /// Number of spheres.
+        sphere_count: u32,
+        /// 1 if `tangents` has a row for every triangle, else 0.
+        has_tangents: u32,
+        /// Number of lights.
+        light_count: u32,
+        /// Index of the first point, direction, environment among the lights.
+        light_first: [u32; 3],
+        /// Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.
+        alias_shift: u32,
+        /// Centre of the ball around all surfaces.
+        ball_center: [f32; 3],
+        /// Its radius; 0 without surfaces.
+        ball_radius: f32,
+        /// 1 if there is an environment, else 0.
+        has_environment: u32,
+        /// Texture of the environment, or NONE for the same colour from everywhere.
+        environment_texture: u32,
+        /// Colour, or factor on the texture.
+        environment_radiance: [f32; 3],
+        /// Sine and cosine of its rotation about +y.
+        environment_turn: [f32; 2],
+        /// Films of layers for each pixel.
+        film_count: u32,
+        /// Those of them that are made of contributions; they stand first.
+        light_films: u32,
+        /// Those of them on which splats land.
+        splat_films: u32,
+        /// The first film of the layer `depth`, or NONE.
+        layer_depth: u32,
+        /// The first film of the layer `strategies`, or NONE.
+        layer_strategies: u32,
+        /// The film of the layer `bounces`, or NONE.
+        layer_bounces: u32,
+        /// The film of the layer `rays`, or NONE.
+        layer_rays: u32,
+        /// The film of the layer `albedo`, or NONE.
+        layer_albedo: u32,
+        /// The film of the layer `normal`, or NONE.
+        layer_normal: u32,
+        /// The film of the layer `distance`, or NONE.
+        layer_distance: u32,
+        /// Where the first bin of the time axis begins, in scene units: a double, low word first.
+        time_start: [u32; 2],
+        /// Width of a bin, likewise.
+        time_bin: [u32; 2],
+        /// Number of bins; 0 without a time axis.
+        time_bins: u32,
+        /// TIME_FILTER_NONE and so on.
+        time_filter: u32,
+        /// Half width of the box or sigma of the Gaussian in bins: a double, low word first.
+        time_radius: [u32; 2],
+        /// 1 where the segment between the camera and what it sees first counts, else 0.
+        time_camera: u32,
+        /// Index of refraction of the medium around the camera.
+        time_medium: f32,
+        /// Row in `delay_profiles` of the pulse of lights, or NONE where they emit at once.
+        time_emission: u32,
+    }
+}
