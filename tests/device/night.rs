@@ -4,18 +4,7 @@ use assert_cmd::Command;
 
 use super::harness;
 
-const SCENE: &str = r#"{
-    "resolution": [24, 16], "maxdepth": 4,
-    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
-    "materials": [
-        { "name": "grey", "color": [0.5, 0.5, 0.5] },
-        { "name": "lamp", "emission": [2, 2, 2] }
-    ],
-    "entities": [
-        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
-        { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
-    ]
-}"#;
+const SCENE: &str = include_str!("../common/ball.scn");
 
 const SCRIPT: &str = r#"
 local x = experiment("backends", { seed = 7 })
