@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
 
+mod common;
+
 #[path = "scenes/builtin.rs"]
 mod builtin;
 #[path = "scenes/damaged.rs"]
