@@ -111,6 +111,7 @@ pub(super) fn tell(model: &mut Model, Sight { at_s, seen }: Sight) {
         Seen::Strategy { cell, s, t, weighted, image } => model.strategy(cell, Thumb::of(s, t, weighted, &image)),
         Seen::Ended { cell, outcome, last } => model.finish(cell, &outcome, last.as_ref(), at_s),
         Seen::Said { level, cell, text } => model.say(level, cell, &text, at_s),
+        Seen::Compared { reference, agrees } => model.compared(reference, agrees),
         Seen::Foretold(left) => model.foretold(left, at_s),
         Seen::Over => model.end(at_s),
         // Read before the model is locked.

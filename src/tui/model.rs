@@ -1,6 +1,6 @@
 //! What is known about a night, folded from its events. Nothing here draws, and nothing grows with time.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use super::column::{Column, columns};
@@ -74,6 +74,8 @@ pub struct Model {
     pub rivals: BTreeMap<CellRef, Current>,
     /// For every reference whose noise is known, what it leaves of each metric to be measured.
     pub floors: BTreeMap<usize, Arc<Vec<Option<f64>>>>,
+    /// The references that a second technique contradicts.
+    pub contradicted: BTreeSet<usize>,
     /// The curves of the last [`PAST`] cells that ended after measuring, oldest first.
     pub past: VecDeque<(CellRef, Arc<Curve>)>,
     /// The films by strategy of the last cell that kept them.
@@ -116,7 +118,8 @@ impl Model {
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
             // Winding a reel takes a while; whoever hears the event does it first and hands it to `wound`.
-            Event::Times { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
+            Event::Times { .. } | Event::Halves { .. } => {}
+            Event::Agreement { reference, found, .. } => self.compared(*reference, found.agrees()),
             Event::CellFinished { cell, outcome, film: _, layers, times: _, rows } => {
                 self.finish(*cell, outcome, rows.last(), at_s);
                 self.layers(*cell, layers);
@@ -258,6 +261,15 @@ impl Model {
     pub fn floor(&mut self, reference: usize, floors: Arc<Vec<Option<f64>>>) {
         self.revision += 1;
         self.floors.insert(reference, floors);
+    }
+
+    /// A reference was compared with the same picture by a second technique.
+    pub fn compared(&mut self, reference: usize, agrees: bool) {
+        self.revision += 1;
+        match agrees {
+            true => self.contradicted.remove(&reference),
+            false => self.contradicted.insert(reference),
+        };
     }
 
     /// What the noise of the current cell's reference leaves of a metric to be measured, where it is known.

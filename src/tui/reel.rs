@@ -24,7 +24,7 @@ pub struct Reel {
     /// Frames before the first one, to which no light comes.
     dark: u32,
     frames: Vec<Image>,
-    /// Stops at which 99.5 % of what is lit in any frame stays below white.
+    /// Stops at which 97 % of what is lit in any frame stays below white.
     pub stops: f32,
 }
 
@@ -150,7 +150,7 @@ fn stops(frames: &[Image]) -> f32 {
     if lit.is_empty() {
         return 0.0;
     }
-    let at = (lit.len() * 199 / 200).min(lit.len() - 1);
+    let at = (lit.len() * 97 / 100).min(lit.len() - 1);
     let (_, white, _) = lit.select_nth_unstable_by(at, f32::total_cmp);
     (-white.log2() * 4.0).round() / 4.0
 }

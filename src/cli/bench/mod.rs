@@ -62,7 +62,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         return compare_backends(args, &scenes, say);
     }
     let mut rows = Vec::new();
-    for (name, file) in &scenes {
+    for (name, file) in scenes.iter().filter(|_| !args.overheads) {
         say(&format!("measuring {name}"));
         rows.push(rates::measure(name, file, threads, repeats, [!args.mpaths, !args.traversal])?);
     }

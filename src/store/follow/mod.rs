@@ -106,6 +106,13 @@ pub enum Seen {
         /// The line.
         text: String,
     },
+    /// A reference was compared with the same picture by a second technique.
+    Compared {
+        /// Its place in the plan.
+        reference: usize,
+        /// Whether they agree.
+        agrees: bool,
+    },
     /// What is left of the night was reckoned.
     Foretold(Forecast),
     /// The night is over.
@@ -328,6 +335,15 @@ impl Follower {
                 see(Seen::Over);
             }
             "forecast" => see(Seen::Foretold(foretold(line))),
+            "agreement" => {
+                let which = line["reference"].as_str().and_then(|id| self.ids.get(id)).into_iter().flatten();
+                let agrees = line["agrees"].as_bool().unwrap_or(true);
+                for cell in which {
+                    if let CellRef::Reference(reference) = *cell {
+                        sights.push(Sight { at_s, seen: Seen::Compared { reference, agrees } });
+                    }
+                }
+            }
             "cell_started" => {
                 self.underway.insert(id.to_owned(), line.clone());
                 // Where many render at once, the worker that is shown stays until its runs end. What it starts beside

@@ -18,6 +18,7 @@ fn seen(follower: &mut Follower) -> Vec<String> {
     let words = |seen: Seen| match seen {
         Seen::Began => "began".to_owned(),
         Seen::Foretold(left) => format!("{} known", left.known),
+        Seen::Compared { reference, agrees } => format!("reference {reference} agrees: {agrees}"),
         Seen::Over => "over".to_owned(),
         Seen::Started { cell, config, open, .. } => {
             let technique = config.map_or_else(|| "nothing known".to_owned(), |config| config.integrator);
@@ -94,6 +95,11 @@ fn a_night_is_followed_by_its_files_while_it_goes_on() {
     store.journal("night_finished", &json!({})).unwrap();
     let last = ["Cell(1) has 8", "Cell(1) shows 7", "Cell(1) Done(\"samples\") after Some(8)", "over"];
     assert_eq!(seen(&mut follower), last);
+    for agrees in [false, true] {
+        let found = json!({ "reference": "ee00", "second": "ff00", "agrees": agrees });
+        store.journal("agreement", &found).unwrap();
+    }
+    assert_eq!(seen(&mut follower), ["reference 0 agrees: false", "reference 0 agrees: true"]);
     // Another night that finds nothing to do, and a run that somebody deleted.
     fs::remove_file(only_run_of(&store, "aa11").join("done.json")).unwrap();
     let late = seen(&mut Follower::open(store.folder(), decode).unwrap());
