@@ -162,6 +162,8 @@ gpu_structs! {
         smooth_below: f32,
         /// Factor on the slope of the normal map.
         normal_strength: f32,
+        /// How far 1 in the bump map stands out, in scene units.
+        bump_height: f32,
         /// Mask values below this are holes.
         mask_threshold: f32,
         /// MASK_THRESHOLD or MASK_BLEND.
@@ -184,6 +186,8 @@ gpu_structs! {
         anisotropic_texture: u32,
         /// Normal map, or NONE.
         normal_texture: u32,
+        /// Texture whose red channel is a height, or NONE.
+        bump_texture: u32,
         /// Factor from texture coordinates to places in the textures.
         tiling_scale: f32,
         /// Offset of the same, in repeats.
@@ -320,6 +324,8 @@ gpu_structs! {
         sphere_count: u32,
         /// 1 if `tangents` has a row for every triangle, else 0.
         has_tangents: u32,
+        /// First of three texels for each triangle that multiply base colours at its corners, or NONE.
+        first_color: u32,
         /// Number of lights.
         light_count: u32,
         /// Index of the first point, direction, environment among the lights.
