@@ -24,6 +24,8 @@ mod mitsuba;
 mod mitsuba_damaged;
 #[path = "scenes/obj.rs"]
 mod obj;
+#[path = "scenes/ply.rs"]
+mod ply;
 #[path = "scenes/scn.rs"]
 mod scn;
 #[path = "scenes/textures.rs"]

@@ -138,6 +138,11 @@ fn surfaces_come_back_as_they_were() {
             m.set_texture(TextureSlot::Normal, Some(bumps()));
             m.normal_strength = 1.5;
         }),
+        material("hammered", |m| {
+            (m.model, m.base_color, m.bump_height) = (Model::Lambert, Vec3::splat(0.6), -0.05);
+            (m.tiling, m.uv_offset) = (2.0, Vec2::new(0.25, 0.5));
+            m.set_texture(TextureSlot::Bump, Some(grain()));
+        }),
         material("copper", |m| {
             (m.model, m.roughness, m.distribution) = (Model::Conductor, 0.5, Distribution::Beckmann);
             (m.eta, m.k) = (Vec3::new(0.2, 0.92, 1.1), Vec3::new(3.9, 2.45, 2.14));

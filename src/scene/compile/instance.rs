@@ -29,7 +29,7 @@ pub struct Instances {
 /// A mesh that is kept once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SharedMesh {
-    /// Its rows in [`CompiledScene::triangles`], [`CompiledScene::attributes`], and where there are any, tangents.
+    /// Its rows in [`CompiledScene::triangles`], [`CompiledScene::attributes`], and where there are any, tangents and colours.
     pub triangles: Range<u32>,
     /// Those of its triangles that shine, in their order. The `emitter` of a shared triangle is its place among them, or
     /// [`NONE`].
@@ -173,6 +173,7 @@ impl CompiledScene {
         flat.triangles.truncate(world);
         flat.attributes.truncate(world);
         flat.tangents.truncate(world);
+        flat.colors.truncate(world);
         let mut names = BTreeMap::new();
         for (row, place) in self.instances.places.iter().enumerate() {
             let row = row as u32;
@@ -191,6 +192,7 @@ impl CompiledScene {
                 if !self.tangents.is_empty() {
                     flat.tangents.push(self.tangents_at(primitive, row));
                 }
+                flat.colors.extend(self.colors.get(primitive as usize));
                 flat.triangles.push(corners);
             }
         }
