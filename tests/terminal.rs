@@ -154,3 +154,36 @@ fn the_terminal_is_given_back_to_those_who_end_the_program_from_outside() {
     stop(&program);
     night.wait_for_end(75);
 }
+
+/// A night whose film has a time axis, with the light of a lamp beside a ball.
+const LIGHT: &str = r#"
+local x = experiment("light", { seed = 1 })
+x:render(function(p)
+  return { scene = "ball.scn", integrator = "nee", resolution = { 24, 16 }, max_depth = 3, backend = "cpu",
+    film = { time = { start = 0, bin = 0.25, bins = 64, metres = 1 } } }
+end)
+x:stop(stop.samples(8))
+return x
+"#;
+
+#[test]
+fn light_of_a_night_that_is_over_plays_through_time() {
+    let place = Workplace::new();
+    place.write("light.lua", LIGHT);
+    place.succeed(&["run", "light.lua", "-q", "--no-tui"]);
+    let Some(watcher) = Terminal::start(&place, "light", (120, 40), "watch") else { return };
+    watcher.wait_for(&["light-", "finished", "Picture"]);
+    watcher.press(&["t"]);
+    watcher.wait_for(&["Time plays"]);
+    watcher.press(&["t"]);
+    watcher.press(&[":", "time 5.6", "Enter"]);
+    // Light comes from the lamp by the upper half of the ball, between 5.3 and 6.3 units of path.
+    let still = watcher.wait_for(&["5.50 to 5.75 at 18.3 ns"]);
+    assert!(still.contains("Time") && !still.contains("plays"), "{still}");
+    watcher.press(&["Right"]);
+    watcher.wait_for(&["5.75 to 6.00"]);
+    watcher.press(&["?"]);
+    watcher.wait_for(&["light through time"]);
+    watcher.press(&["q"]);
+    watcher.wait_for_end(0);
+}
