@@ -9,6 +9,7 @@ mod analytic;
 mod density;
 mod kill;
 pub(super) mod picture;
+pub mod pictures;
 pub mod references;
 mod report;
 pub mod technique;
@@ -105,6 +106,7 @@ const KINDS: &[Kind] = &[
     Kind { name: "density", plan: density::plan },
     Kind { name: "agreement", plan: agreement::plan },
     Kind { name: "reference", plan: references::plan },
+    Kind { name: "picture", plan: pictures::plan },
 ];
 
 /// Kills nights and says what became of them.

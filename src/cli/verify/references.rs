@@ -215,7 +215,7 @@ fn read(file: &Path, scenes: &Path) -> Result<Entry, String> {
     })))
 }
 
-fn picture(file: &Path) -> Result<Image, String> {
+pub(super) fn picture(file: &Path) -> Result<Image, String> {
     let problem = about(file);
     let bytes = std::fs::read(file).map_err(|e| problem(&e))?;
     let (image, _) = exr::decode(&bytes).map_err(|e| problem(&e))?;
