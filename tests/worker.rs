@@ -124,7 +124,16 @@ fn everything() -> (Arc<CompiledScene>, Job) {
     let integrator = integrator("bdpt").unwrap();
     (
         scene,
-        Job { integrator, params, filter, layers, sampler: SOBOL, rr_start: Some(2), ..job([16, 12], 4, 1 << 40 | 9) },
+        Job {
+            integrator,
+            params,
+            filter,
+            layers,
+            sampler: SOBOL,
+            rr_start: Some(2),
+            first_sample: 1 << 33 | 5,
+            ..job([16, 12], 4, 1 << 40 | 9)
+        },
     )
 }
 

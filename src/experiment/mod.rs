@@ -11,6 +11,7 @@ pub mod floors;
 pub mod forecast;
 pub mod groups;
 pub mod outline;
+pub mod parts;
 pub mod plan;
 pub mod run;
 pub mod spec;

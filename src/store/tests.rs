@@ -83,6 +83,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         seeds: [98, 99],
         stem: RunId("ee".into()),
         stop: StopRule::Samples(64),
+        part: None,
     };
     Plan {
         name: name.into(),
@@ -105,6 +106,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         figures: vec![],
         tables: vec![],
         script_text: "-- a script\n".into(),
+        files: Default::default(),
     }
 }
 
@@ -279,11 +281,11 @@ fn a_second_process_works_on_what_the_first_does_not() {
     let (first, second) =
         (Store::open(dir.path(), &plan, decode).unwrap(), Store::open(dir.path(), &plan, decode).unwrap());
     assert_eq!(first.folder(), second.folder());
-    assert_eq!(first.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
-    assert!(matches!(second.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
-    assert_eq!(second.claim(&plan, CellRef::Cell(1)).unwrap(), Claim::Ours);
+    assert_eq!(first.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Ours);
+    assert!(matches!(second.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Theirs(_)));
+    assert_eq!(second.claim(&plan, CellRef::Cell(1).into()).unwrap(), Claim::Ours);
     drop(first);
-    assert_eq!(at_last(|| second.claim(&plan, CellRef::Cell(0)).unwrap()), Claim::Ours);
+    assert_eq!(at_last(|| second.claim(&plan, CellRef::Cell(0).into()).unwrap()), Claim::Ours);
 }
 
 #[test]
@@ -414,6 +416,7 @@ fn a_night_is_followed_by_its_files_while_it_goes_on() {
             Seen::Said { text, .. } => text,
             Seen::Strategy { .. } => "a film".to_owned(),
             Seen::Underway { cell } => format!("{cell:?} too"),
+            Seen::Part { reference, there, of } => format!("part {there:?} of {of} of {reference}"),
             Seen::Crew(workers) => format!("{} workers", workers.len()),
         };
         follower.look().into_iter().map(|sight| words(sight.seen)).collect()
@@ -456,8 +459,8 @@ fn workers_are_followed_by_their_own_journals() {
     };
     a.journal("night_started", &json!({})).unwrap();
     b.journal("night_started", &json!({})).unwrap();
-    assert_eq!(a.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
-    assert!(matches!(b.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
+    assert_eq!(a.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Ours);
+    assert!(matches!(b.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Theirs(_)));
     a.start(&plan, CellRef::Cell(0), None).unwrap();
     tell(&a, "cell_started", 0);
     b.start(&plan, CellRef::Cell(1), None).unwrap();
@@ -479,13 +482,13 @@ fn workers_are_followed_by_their_own_journals() {
     assert_eq!(seen(&mut follower), ["Cell(1) too"], "the one that is shown stays");
     finish_run(&a, &plan, 0);
     tell(&a, "cell_finished", 0);
-    a.release(&plan, CellRef::Cell(0));
+    a.release(&plan, CellRef::Cell(0).into());
     assert_eq!(seen(&mut follower), ["Cell(0) Done(\"\")", "Cell(1) starts"], "and then another one is");
     // What one settled the others need not look at.
     assert!(matches!(b.settled(&plan, CellRef::Cell(0)), Some(Settled::Done(_))));
     assert_eq!(b.settled(&plan, CellRef::Cell(2)), None);
     b.fail(&plan, CellRef::Cell(2), "no lens").unwrap();
-    b.release(&plan, CellRef::Cell(2));
+    b.release(&plan, CellRef::Cell(2).into());
     assert_eq!(join().settled(&plan, CellRef::Cell(2)), Some(Settled::Failed("no lens".to_owned())));
     let stock = a.take_stock(&plan);
     assert_eq!((stock.done.len(), stock.failed.len(), stock.open), (1, 1, 2), "a cell and the reference are open");

@@ -214,6 +214,7 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed,
+        first_sample: 0,
         threads: 0,
     }
 }

@@ -48,6 +48,7 @@ pub(super) fn rendered(desc: &SceneDesc, resolution: [u32; 2], max_depth: u32, s
         accel: Default::default(),
         sampler: SOBOL,
         seed: 7,
+        first_sample: 0,
         threads: 0,
     };
     let mut renderer = CpuRenderer::new(Arc::new(scene), job).unwrap();

@@ -88,6 +88,7 @@ fn one(
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed: 1,
+        first_sample: 0,
         threads: 0,
     };
     let start = Instant::now();

@@ -70,6 +70,7 @@ pub fn measure(
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed: 1,
+        first_sample: 0,
         threads,
     };
     let cpu = backend("cpu").ok_or("no cpu backend")?;

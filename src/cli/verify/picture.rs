@@ -98,6 +98,7 @@ pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Settin
         sampler: INDEPENDENT,
         accel: AccelSpec::default(),
         seed: setting.seed,
+        first_sample: 0,
         threads: setting.threads,
     };
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
