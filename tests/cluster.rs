@@ -8,6 +8,8 @@ mod common;
 mod frozen;
 #[path = "cluster/night.rs"]
 mod night;
+#[path = "cluster/parts.rs"]
+mod parts;
 #[path = "cluster/queue.rs"]
 mod queue;
 #[path = "cluster/slurm.rs"]

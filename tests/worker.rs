@@ -162,6 +162,7 @@ fn everything() -> (Arc<CompiledScene>, Job) {
             timing: Some(timing),
             sampler: SOBOL,
             rr_start: Some(2),
+            first_sample: 1 << 33 | 5,
             ..job([16, 12], 4, 1 << 40 | 9)
         },
     )

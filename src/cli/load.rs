@@ -12,7 +12,7 @@ use crate::experiment::Plan;
 use crate::experiment::plan::{Overrides, PlanError, expand};
 use crate::film::Image;
 use crate::output::exr;
-use crate::scene::load::Missing;
+use crate::scene::load::{Missing, files};
 use crate::scene::{Note, SceneDesc, SceneError};
 use crate::script::{self, Script, ScriptError};
 use crate::value::{Value, suggest};
@@ -50,7 +50,9 @@ fn planned_for(script: &Script, args: &ScriptArgs, global: &Global, elsewhere: b
     };
     let mut load =
         |path: &Path, options: &BTreeMap<String, Value>| script::scene::read(path, options, global.missing());
-    expand(&script.spec, script, &overrides, &mut load).map(Arc::new).map_err(plan_failure)
+    let (plan, files) = files::opened_by(|| expand(&script.spec, script, &overrides, &mut load));
+    let files = files.into_iter().chain(script.modules()).collect();
+    plan.map(|plan| Arc::new(Plan { files, ..plan })).map_err(plan_failure)
 }
 
 /// Reads a scene file of any format, Lua included.

@@ -152,10 +152,11 @@ fn page(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], ah
         let mut lines = vec![["reference", "source", "stop", "state"].map(str::to_owned).to_vec()];
         for (place, (reference, folder)) in plan.references.iter().zip(references).enumerate() {
             let (source, stop, state) = match &reference.source {
-                ReferenceSource::Render { config, stop, .. } => {
+                ReferenceSource::Render { config, stop, part, .. } => {
                     let begun = begun[place].map(|samples| format!("new, goes on from {samples} samples per pixel"));
                     let state = begun.filter(|_| folder.is_none()).unwrap_or_else(|| state(folder));
-                    (format!("{} {}", config.integrator, config.scene), stop.describe(), state)
+                    let parts = part.map_or_else(String::new, |samples| format!(", in parts of {samples}"));
+                    (format!("{} {}", config.integrator, config.scene), stop.describe() + &parts, state)
                 }
                 ReferenceSource::File { file, source } => {
                     let content = reference.identity.as_map().and_then(|fields| fields.get("file")?.as_str());

@@ -13,6 +13,7 @@ use super::space::{self, patiently};
 use crate::experiment::agree::{Agreement, MAP_TOP};
 use crate::experiment::event::Level;
 use crate::experiment::floors::{Floors, net_columns, net_values};
+use crate::experiment::parts::Part;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Control, Event, Outcome, Plan, Sink, SinkError, WaveRow};
@@ -367,12 +368,7 @@ impl<'a> Recorder<'a> {
     }
 
     fn finished_fields(&self, cell: CellRef, outcome: &Outcome, rows: &[WaveRow]) -> Json {
-        let (word, reason) = match outcome {
-            Outcome::Done(reason) => ("done", reason.clone()),
-            Outcome::Cached(folder) => ("cached", folder.display().to_string()),
-            Outcome::Failed(reason) => ("failed", reason.clone()),
-            Outcome::Interrupted => ("interrupted", String::new()),
-        };
+        let (word, reason) = outcome_words(outcome);
         let last = rows.last().cloned().unwrap_or_default();
         json!({
             "run": self.plan.id(cell).0, "path": self.path(cell), "outcome": word, "reason": reason,
@@ -413,6 +409,24 @@ impl Sink for Recorder<'_> {
             }
             // The bins of a run that is done are kept with its end.
             Event::Times { .. } => Ok(()),
+            Event::PartStarted { part, open, .. } => {
+                let fields = json!({ "device": open.device });
+                self.tell("part_started", &part_fields(&self.plan, part, fields));
+                Ok(())
+            }
+            Event::PartFinished { part, outcome, last, kept } => {
+                if let Some(kept) = kept {
+                    self.patiently(|| self.store.keep_part(&self.plan, part, kept))?;
+                }
+                let last = last.clone().unwrap_or_default();
+                let (outcome, reason) = outcome_words(outcome);
+                let fields = json!({
+                    "outcome": outcome, "reason": reason, "samples": last.samples, "render_s": last.render_s,
+                    "wall_s": last.wall_s,
+                });
+                self.tell("part_finished", &part_fields(&self.plan, part, fields));
+                Ok(())
+            }
             Event::Agreement { reference, with, found } => self.agreement(*reference, *with, found),
             Event::Halves { reference, halves } => self.halves(*reference, halves),
             Event::CellFinished { cell, outcome, film, layers, times, rows } => {
@@ -474,6 +488,25 @@ impl Sink for Recorder<'_> {
             }
         }
     }
+}
+
+/// A word for programs, and the reason.
+fn outcome_words(outcome: &Outcome) -> (&'static str, String) {
+    match outcome {
+        Outcome::Done(reason) => ("done", reason.clone()),
+        Outcome::Cached(folder) => ("cached", folder.display().to_string()),
+        Outcome::Failed(reason) => ("failed", reason.clone()),
+        Outcome::Interrupted => ("interrupted", String::new()),
+    }
+}
+
+/// What the journal says of a part of a reference, and more.
+fn part_fields(plan: &Plan, part: &Part, mut fields: Json) -> Json {
+    fields["run"] = plan.id(CellRef::Reference(part.reference)).0.as_str().into();
+    fields["part"] = part.number.into();
+    fields["of"] = part.of.into();
+    fields["words"] = format!("reference, {}", part.words()).into();
+    fields
 }
 
 /// A measurement with the values of its net columns behind those of its metrics.

@@ -18,6 +18,7 @@ use crate::experiment::forecast::Paces;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
 use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, control, run};
+use crate::output::devices::Devices;
 use crate::output::{plot, summary, table};
 use crate::render;
 use crate::script::Script;
@@ -99,7 +100,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
     // What a narrowed night left alone is there nonetheless, and belongs into tables and figures.
     let night = if only_failed { with_the_rest(night, plan, &store) } else { night };
     let written = write_evidence(&store, plan, &night);
-    print_tables(plan, &night)?;
+    print_tables(&store, plan, &night)?;
     if !told {
         say_failures(plan, &night);
     }
@@ -279,18 +280,20 @@ fn say_backends(plan: &Plan) {
 pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
+    let devices = devices_of(store, plan, night);
     for spec in &plan.tables {
-        let table = table::build(plan, spec, &night.results);
-        for format in &spec.formats {
-            let (extension, text) = match format {
-                crate::experiment::spec::TableFormat::Md => ("md", table.to_markdown()),
-                crate::experiment::spec::TableFormat::Csv => ("csv", table.to_csv()),
-            };
-            write(&format!("tables/{}.{extension}", spec.name), text.as_bytes())?;
+        for table in table::tables(plan, spec, &night.results, &devices) {
+            for format in &spec.formats {
+                let (extension, text) = match format {
+                    crate::experiment::spec::TableFormat::Md => ("md", table.to_markdown()),
+                    crate::experiment::spec::TableFormat::Csv => ("csv", table.to_csv()),
+                };
+                write(&format!("tables/{}.{extension}", table.name), text.as_bytes())?;
+            }
         }
     }
     for spec in &plan.figures {
-        for figure in plot::figures(plan, spec, &night.results) {
+        for figure in plot::figures(plan, spec, &night.results, &devices) {
             let stem = &figure.stem;
             write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
             write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
@@ -309,9 +312,15 @@ pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -
     Ok(())
 }
 
-pub(super) fn print_tables(plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
-    let tables = plan.tables.iter().map(|spec| table::build(plan, spec, &night.results).to_markdown());
-    data(&tables.collect::<Vec<_>>().join("\n"))
+/// What the cells were rendered on, where figures or tables show times.
+fn devices_of(store: &Store, plan: &Plan, night: &NightSummary) -> Devices {
+    Devices::new(plan, &night.results, |result| store.device(plan, result))
+}
+
+pub(super) fn print_tables(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
+    let devices = devices_of(store, plan, night);
+    let tables = plan.tables.iter().flat_map(|spec| table::tables(plan, spec, &night.results, &devices));
+    data(&tables.map(|table| table.to_markdown()).collect::<Vec<_>>().join("\n"))
 }
 
 pub(super) fn say_failures(plan: &Plan, night: &NightSummary) {

@@ -99,7 +99,10 @@ impl Night<'_> {
         let mut lines = vec![vec!["cells".to_owned(), format!("{}: {}", counts.total(), parts.join(", "))]];
         let references = Counts::of(&model.references);
         if references.total() > 0 {
-            let settled = format!("{} of {}", references.settled(), references.total());
+            let mut settled = format!("{} of {}", references.settled(), references.total());
+            if let Some((done, of)) = self.parts() {
+                settled += &format!("; of what is missing, {done} of {of} parts are there");
+            }
             lines.push(vec!["references".to_owned(), settled]);
         }
         if self.state() != "not started" {
@@ -136,6 +139,12 @@ impl Night<'_> {
         out
     }
 
+    /// How many parts there are of the references that are rendered in parts and not there yet, and of how many.
+    fn parts(&self) -> Option<(usize, usize)> {
+        let open = (0..self.model.references.len()).filter_map(|i| self.model.parts_of(CellRef::Reference(i)));
+        open.reduce(|(done, of), more| (done + more.0, of + more.1))
+    }
+
     fn json(&self) -> Json {
         let model = self.model;
         let counts = Counts::of(&model.cells);
@@ -153,7 +162,10 @@ impl Night<'_> {
                 "total": counts.total(), "done": counts.done + counts.cached, "failed": counts.failed,
                 "interrupted": counts.interrupted, "running": counts.running, "waiting": counts.waiting,
             },
-            "references": { "total": model.references.len(), "settled": Counts::of(&model.references).settled() },
+            "references": {
+                "total": model.references.len(), "settled": Counts::of(&model.references).settled(),
+                "parts": self.parts().map(|(done, of)| json!({ "done": done, "total": of })),
+            },
             "elapsed_s": (self.state() != "not started").then(|| model.night_s(self.now_s)),
             "left_s": self.eta().map(|eta| eta.seconds),
             "silent_s": self.silence_s,

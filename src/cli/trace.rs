@@ -87,6 +87,7 @@ fn of_scene(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Jo
         accel: AccelSpec::default(),
         sampler: sampler(&args.sampler).ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
         seed: args.seed,
+        first_sample: 0,
         threads: global.threads,
     };
     Ok((Arc::new(scene), job))

@@ -105,6 +105,7 @@ pub(super) fn tell(model: &mut Model, Sight { at_s, seen }: Sight) {
             }
         }
         Seen::Underway { cell } => model.underway(cell, at_s),
+        Seen::Part { reference, there, of } => model.part(reference, there, of, at_s),
         Seen::Crew(workers) => model.crew(crew_lines(&workers)),
         Seen::Measured { cell, row } => model.wave(cell, &row, 0.0, at_s),
         Seen::Pictured { cell, image } => model.picture(cell, image),

@@ -1,5 +1,6 @@
 //! What happens during a night, told to everyone who listens.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::agree::Agreement;
 use super::floors::{Floors, HalfImages};
 use super::forecast::Forecast;
+use super::parts::{Part, Piece};
 use super::plan::Plan;
 use super::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::film::layer::LayerImage;
@@ -49,6 +51,11 @@ pub struct WaveRow {
 }
 
 impl WaveRow {
+    /// The same as if there had been one wave.
+    pub fn alone(&self) -> WaveRow {
+        WaveRow { wave: 1, ..self.clone() }
+    }
+
     /// Million camera paths per second of render time; zero before the first wave.
     pub fn mpaths_per_s(&self) -> f64 {
         if self.render_s > 0.0 { self.paths as f64 / self.render_s / 1e6 } else { 0.0 }
@@ -142,6 +149,27 @@ pub enum Event {
         /// What was found.
         found: Arc<Agreement>,
     },
+    /// A part of a reference opens. Waves of the reference follow, which count from the part's beginning; the reference itself
+    /// starts when all its parts are joined.
+    PartStarted {
+        /// Which.
+        part: Part,
+        /// What opening cost.
+        open: OpenStats,
+        /// The measurements of an earlier process, if the part goes on from its checkpoint.
+        resumed: Option<Arc<Vec<WaveRow>>>,
+    },
+    /// A part of a reference ended. Recorders keep it when they hear this.
+    PartFinished {
+        /// Which.
+        part: Part,
+        /// How.
+        outcome: Outcome,
+        /// Its last measurement.
+        last: Option<WaveRow>,
+        /// Its sums, if it is done and this process's.
+        kept: Option<Arc<Checkpoint>>,
+    },
     /// A reference has been rendered; its [`Event::CellFinished`] follows.
     Halves {
         /// Index into [`Plan::references`].
@@ -190,6 +218,9 @@ impl Event {
             | Event::CellFinished { cell, .. } => Some(*cell),
             Event::Floors { reference, .. } | Event::Agreement { reference, .. } | Event::Halves { reference, .. } => {
                 Some(CellRef::Reference(*reference))
+            }
+            Event::PartStarted { part, .. } | Event::PartFinished { part, .. } => {
+                Some(CellRef::Reference(part.reference))
             }
             Event::Message { cell, .. } => *cell,
             Event::NightStarted { .. } | Event::Forecast(_) | Event::NightFinished => None,
@@ -254,25 +285,25 @@ pub trait History {
         Ok(None)
     }
 
-    /// Makes a run this process's own, so that no other one works on it, until [`History::release`].
+    /// Makes a run or a part this process's own, so that no other one works on it, until [`History::release`].
     ///
     /// # Errors
     /// When it cannot be known whether another process has it.
-    fn claim(&self, _plan: &Plan, _cell: CellRef) -> Result<Claim, SinkError> {
+    fn claim(&self, _plan: &Plan, _piece: Piece) -> Result<Claim, SinkError> {
         Ok(Claim::Ours)
     }
 
     /// Whether a claim that was granted still holds. It is lost when this process stood still for so long that others
     /// took it for dead.
-    fn holds(&self, _plan: &Plan, _cell: CellRef) -> bool {
+    fn holds(&self, _plan: &Plan, _piece: Piece) -> bool {
         true
     }
 
     /// Gives a claim back.
-    fn release(&self, _plan: &Plan, _cell: CellRef) {}
+    fn release(&self, _plan: &Plan, _piece: Piece) {}
 
-    /// The newest valid checkpoint of an unfinished run.
-    fn checkpoint(&self, _plan: &Plan, _cell: CellRef) -> Option<Checkpoint> {
+    /// The newest valid checkpoint of what is unfinished.
+    fn checkpoint(&self, _plan: &Plan, _piece: Piece) -> Option<Checkpoint> {
         None
     }
 
@@ -296,12 +327,35 @@ pub trait History {
         Ok(false)
     }
 
-    /// Keeps a checkpoint of a run that is claimed, and says whether it did.
+    /// Keeps a checkpoint of what is claimed, and says whether it did.
     ///
     /// # Errors
     /// When it could not be written; the one before is still there.
-    fn keep(&self, _plan: &Plan, _cell: CellRef, _standing: &Standing, _save: Save<'_>) -> Result<bool, SinkError> {
+    fn keep(&self, _plan: &Plan, _piece: Piece, _standing: &Standing, _save: Save<'_>) -> Result<bool, SinkError> {
         Ok(false)
+    }
+
+    /// The numbers of those parts of a reference that need no more rendering: they are kept, alone or joined.
+    fn parts_there(&self, _plan: &Plan, _parts: &[Part]) -> BTreeSet<usize> {
+        BTreeSet::new()
+    }
+
+    /// The sums of a part that is kept alone. What is damaged is there no more from then on.
+    fn part(&self, _plan: &Plan, _part: &Part) -> Option<Checkpoint> {
+        None
+    }
+
+    /// The sums of as many of these parts, from the first on, as are kept joined.
+    fn joined(&self, _plan: &Plan, _parts: &[Part]) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Keeps the sums of some first ones of these parts joined, if there are such, and lets go of all single ones.
+    ///
+    /// # Errors
+    /// When they could not be written; what was kept before is still there.
+    fn keep_joined(&self, _plan: &Plan, _parts: &[Part], _ground: Option<&Checkpoint>) -> Result<(), SinkError> {
+        Ok(())
     }
 }
 

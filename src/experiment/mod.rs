@@ -12,6 +12,7 @@ pub mod forecast;
 pub mod groups;
 pub mod memory;
 pub mod outline;
+pub mod parts;
 pub mod plan;
 pub mod run;
 pub mod spec;

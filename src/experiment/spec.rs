@@ -305,6 +305,8 @@ pub enum ReferenceRequest {
         stop: StopRule,
         /// The second technique that has to mean the same picture, if any.
         agree: Option<Box<AgreeRequest>>,
+        /// How many [parts](super::parts) it is rendered in, at most; 1 is as a whole.
+        parts: u32,
     },
     /// An EXR file made elsewhere.
     File {

@@ -55,6 +55,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         figures: Vec::new(),
         tables: Vec::new(),
         script_text: String::new(),
+        files: Default::default(),
     }
 }
 

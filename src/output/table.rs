@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::devices::Devices;
 use super::labels::{self, csv_line, exact, significant};
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{TableSpec, TableValue};
@@ -70,8 +71,60 @@ enum Sample {
     NeverIn(f64),
 }
 
+/// The tables of a specification: one, or, of a clock's readings on several devices, one for each of them, since times of
+/// different devices are not compared unasked.
+pub fn tables(plan: &Plan, spec: &TableSpec, results: &[CellResult], devices: &Devices) -> Vec<TableData> {
+    if !(devices.several() && is_clock(&spec.value)) {
+        return vec![build(plan, spec, results)];
+    }
+    let on = |(i, device): (usize, &str)| {
+        let own = |r: &&CellResult| matches!(r.cell, CellRef::Cell(cell) if devices.of(cell) == device);
+        let own: Vec<CellResult> = results.iter().filter(own).cloned().collect();
+        let table = of_some(plan, spec, &own, unfinished(plan, results));
+        let rows: Vec<TableRow> = table.rows.into_iter().filter(|row| row.cells.iter().any(|c| c.runs > 0)).collect();
+        let name = format!("{}-device-{}", spec.name, i + 1);
+        TableData { name, caption: format!("{} Only what was rendered on {device}.", table.caption), rows, ..table }
+    };
+    devices.all().into_iter().enumerate().map(on).collect()
+}
+
+/// Whether a value is read off a clock.
+fn is_clock(value: &TableValue) -> bool {
+    match value {
+        TableValue::RenderS
+        | TableValue::MpathsPerS
+        | TableValue::Fps
+        | TableValue::MraysPerS
+        | TableValue::AccelBuildS
+        | TableValue::TimeTo { .. } => true,
+        TableValue::Metric(_)
+        | TableValue::Samples
+        | TableValue::AccelNodes
+        | TableValue::AccelMib
+        | TableValue::AccelCost => false,
+    }
+}
+
 /// Computes a table. Runs that failed, were interrupted or never reached are left out, and the caption says how many.
 pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData {
+    of_some(plan, spec, results, unfinished(plan, results))
+}
+
+/// Whether a result is one that tables show.
+fn is_finished(plan: &Plan, result: &CellResult) -> bool {
+    let ours = |cell: usize| plan.cells.get(cell).is_some_and(|c| c.control.is_none());
+    matches!(result.cell, CellRef::Cell(cell) if ours(cell))
+        && matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
+}
+
+/// How many runs of a plan tables have to leave out.
+fn unfinished(plan: &Plan, results: &[CellResult]) -> usize {
+    let wanted = plan.cells.iter().filter(|cell| cell.control.is_none()).count();
+    wanted.saturating_sub(results.iter().filter(|result| is_finished(plan, result)).count())
+}
+
+/// A table of some results of a night in which so many runs are missing.
+fn of_some(plan: &Plan, spec: &TableSpec, results: &[CellResult], missing: usize) -> TableData {
     let keys = |axes: &[String], cell: usize| -> Vec<String> {
         let value = |axis: &String| labels::axis_value(plan, cell, axis).map_or("–".to_owned(), ToString::to_string);
         axes.iter().map(value).collect()
@@ -83,21 +136,13 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
     let (row_keys, col_keys) = (distinct(&spec.rows), distinct(&spec.cols));
 
     let mut samples: BTreeMap<Place, Vec<(usize, Sample)>> = BTreeMap::new();
-    let mut finished = 0;
-    for result in results {
+    for result in results.iter().filter(|result| is_finished(plan, result)) {
         let CellRef::Cell(cell) = result.cell else { continue };
-        if plan.cells.get(cell).is_none_or(|c| c.control.is_some())
-            || !matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
-        {
-            continue;
-        }
-        finished += 1;
         if let Some(sample) = sample(plan, &spec.value, result) {
             samples.entry((keys(&spec.rows, cell), keys(&spec.cols, cell))).or_default().push((cell, sample));
         }
     }
 
-    let wanted = plan.cells.iter().filter(|cell| cell.control.is_none()).count();
     let row = |labels: &Vec<String>| {
         let cell =
             |col: &Vec<String>| average(plan, samples.get(&(labels.clone(), col.clone())).map_or(&[], Vec::as_slice));
@@ -110,7 +155,7 @@ pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData
     };
     TableData {
         name: spec.name.clone(),
-        caption: caption(plan, spec, &rows, wanted.saturating_sub(finished)),
+        caption: caption(plan, spec, &rows, missing),
         row_axes: spec.rows.clone(),
         columns: col_keys.iter().map(column).collect(),
         rows,
@@ -395,6 +440,27 @@ mod tests {
              | 5     |         0.02500 |\n"
         );
         assert_eq!(table.to_csv(), "depth,technique = bpt,runs: technique = bpt\n3,0.25,4\n5,0.025,4\n");
+    }
+
+    #[test]
+    fn clocks_of_several_devices_have_tables_of_their_own() {
+        let plan = night();
+        let results: Vec<_> = (0..7).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+        let name = |r: &CellResult| match r.cell {
+            CellRef::Cell(i) => Some(if i < 4 { "a lens" } else { "a prism" }.to_owned()),
+            CellRef::Reference(_) => None,
+        };
+        let devices = Devices::new(&plan, &results, name);
+        let both = tables(&plan, &spec(TableValue::RenderS, &["depth"], &[]), &results, &devices);
+        let names: Vec<&str> = both.iter().map(|table| table.name.as_str()).collect();
+        assert_eq!(names, ["table-device-1", "table-device-2"]);
+        assert_eq!(both[0].to_csv().lines().skip(1).collect::<Vec<_>>(), ["3,2.5,4"]);
+        assert_eq!(both[1].to_csv().lines().skip(1).collect::<Vec<_>>(), ["5,6,3"]);
+        assert!(both[1].caption.ends_with("Only what was rendered on a prism."), "{}", both[1].caption);
+        assert!(both[1].caption.contains("1 of 8") || both[1].caption.contains("1 run"), "{}", both[1].caption);
+        // Errors are the same wherever they were computed.
+        let errors = spec(TableValue::Metric("rmse".to_owned()), &["depth"], &[]);
+        assert_eq!(tables(&plan, &errors, &results, &devices), [build(&plan, &errors, &results)]);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! After `n` samples a pixel holds `truth + sigma * z / sqrt(n)`, where `truth` is a smooth function of the position,
 //! `sigma` is proportional to it, and `z` is a standard normal number that is fixed for each seed, pixel and channel.
 //! Four times the samples therefore halve every root mean square error exactly, and what a run loop, a stop rule or a
-//! convergence curve makes of that can be tested without rendering. The clock advances by [`SECONDS_PER_PATH`] for
+//! convergence curve makes of that can be tested without rendering. A run that begins at a later sample holds what is added
+//! from there on. The clock advances by [`SECONDS_PER_PATH`] for
 //! every camera path; nothing ever sleeps.
 
 use std::f64::consts::TAU;
@@ -54,6 +55,7 @@ pub struct MockRenderer {
     truth: Vec<[f64; 3]>,
     normal: Vec<[f64; 3]>,
     max_depth: u32,
+    first_sample: u64,
     fail_after: Option<u64>,
     open_stats: OpenStats,
 }
@@ -80,6 +82,7 @@ impl MockRenderer {
             truth: pixels().map(truth).collect(),
             normal: pixels().enumerate().map(normal).collect(),
             max_depth: job.max_depth,
+            first_sample: job.first_sample,
             fail_after: None,
             open_stats: OpenStats { device: "mock, on a fake clock".into(), ..OpenStats::default() },
         }
@@ -103,10 +106,11 @@ impl Renderer for MockRenderer {
             return Err(RenderError::Failed { backend: "mock", reason });
         }
         let n = total as f64;
+        let [before, after] = [self.first_sample, self.first_sample + total].map(|n| (n as f64).sqrt());
         for (i, (truth, z)) in self.truth.iter().zip(&self.normal).enumerate() {
             for c in 0..3 {
                 let sigma = RELATIVE_SIGMA * truth[c];
-                let sum = n * truth[c] + sigma * z[c] * n.sqrt();
+                let sum = n * truth[c] + sigma * z[c] * (after - before);
                 self.film.sum[i][c] = sum;
                 // Chosen so that the sample variance, (sum2 - sum^2 / n) / (n - 1), is sigma squared.
                 self.film.sum2[i][c] = sum * sum / n + sigma * sigma * (n - 1.0);

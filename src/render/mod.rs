@@ -57,6 +57,9 @@ pub struct Job {
     pub accel: AccelSpec,
     /// Seed of every random number of the run.
     pub seed: u64,
+    /// Index of its first sample of every pixel; the film counts from there. Samples are known by their index, so films of
+    /// ranges that follow one another are films of one run.
+    pub first_sample: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
     pub threads: usize,
 }
@@ -77,6 +80,7 @@ impl Job {
             sampler: INDEPENDENT,
             accel: AccelSpec::default(),
             seed,
+            first_sample: 0,
             threads: 0,
         }
     }

@@ -132,7 +132,7 @@ impl Script {
                     }
                 }
             }
-            Some(Reference::Render { from, stop, agree, place }) => {
+            Some(Reference::Render { from, stop, agree, parts, place }) => {
                 let config = self.reference_config(from.as_ref(), point)?;
                 let stop = self.rule(&stop, &place, point, true)?;
                 let agree = match agree {
@@ -155,7 +155,7 @@ impl Script {
                         rate: agree.rate,
                     })),
                 };
-                Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree }))
+                Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree, parts }))
             }
         }
     }

@@ -51,6 +51,13 @@ pub struct Script {
     lua: Lua,
 }
 
+impl Script {
+    /// The files of the modules that it requires.
+    pub fn modules(&self) -> Vec<PathBuf> {
+        self.shared.sources.borrow().modules().map(Path::to_owned).collect()
+    }
+}
+
 /// Reads a script under the default [`Limits`].
 ///
 /// # Errors

@@ -8,6 +8,7 @@ use miette::NamedSource;
 
 use super::error::{Problem, ScriptError, Spot};
 use super::locate;
+use crate::scene::load::files;
 use crate::value::schema::SchemaError;
 
 /// Largest script or module that is read, in bytes.
@@ -56,6 +57,7 @@ pub fn read(file: &Path) -> Result<String, ScriptError> {
     if !metadata.is_file() {
         return fail(Problem::Unreadable { reason: "it is not a regular file".to_owned() }, None);
     }
+    files::note(file);
     let mut bytes = Vec::new();
     std::fs::File::open(file).map_err(unreadable)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 > MAX_BYTES {
@@ -95,6 +97,11 @@ impl Sources {
         let text = Arc::new(NamedSource::new(file.to_string_lossy(), text));
         self.texts.push(Source { chunk, file: file.to_owned(), text });
         index
+    }
+
+    /// The files of the modules.
+    pub fn modules(&self) -> impl Iterator<Item = &Path> {
+        self.texts.iter().skip(1).map(|source| source.file.as_path())
     }
 
     /// How many texts there are.

@@ -40,9 +40,9 @@ pub fn plan_json(plan: &Plan) -> Json {
         "references": plan.references.iter().map(|r| {
             let agree = r.agree.map(|a| json!({ "with": plan.references[a.with].id.0, "false_discovery_rate": a.rate }));
             match &r.source {
-                ReferenceSource::Render { config, stop, .. } => json!({
+                ReferenceSource::Render { config, stop, part, .. } => json!({
                     "run": r.id.0, "kind": "render", "source": config_json(config), "stop": stop_json(stop),
-                    "agree": agree,
+                    "agree": agree, "part": part,
                 }),
                 ReferenceSource::File { file, source } => json!({
                     "run": r.id.0, "kind": "file", "source": file.display().to_string(), "agree": agree,
@@ -118,9 +118,12 @@ pub fn cell_json(plan: &Plan, cell: CellRef) -> Json {
             let reference = &plan.references[i];
             out.insert("run".into(), reference.id.0.as_str().into());
             match &reference.source {
-                ReferenceSource::Render { config, seeds, stem, .. } => {
+                ReferenceSource::Render { config, seeds, stem, part, .. } => {
                     out.insert("seeds".into(), seeds.to_vec().into());
                     out.insert("stem".into(), stem.0.as_str().into());
+                    if let Some(samples) = part {
+                        out.insert("part".into(), (*samples).into());
+                    }
                     out.insert("render".into(), config_json(config));
                 }
                 ReferenceSource::File { file, source } => {

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use serde_json::Value as Json;
 
 use super::archive::{first_invalid, read_json};
-use super::{StoreError, layout, rows, seal};
-use crate::experiment::WaveRow;
+use super::{Store, StoreError, layout, rows, seal};
 use crate::experiment::evidence::{Machine, Night, Run, State, Truth};
+use crate::experiment::{CellResult, Outcome, Plan, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::value::Value;
 
@@ -184,6 +184,18 @@ impl Reader<'_> {
                 ..row
             })
             .collect()
+    }
+}
+
+impl Store {
+    /// What a cell was rendered on, as its folder says, if it is done.
+    pub fn device(&self, plan: &Plan, result: &CellResult) -> Option<String> {
+        let folder = match &result.outcome {
+            Outcome::Cached(folder) => folder.clone(),
+            Outcome::Done(_) => self.place(plan, result.cell),
+            Outcome::Failed(_) | Outcome::Interrupted => return None,
+        };
+        device(&read_json(&folder.join("done.json"))?)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The folder of one experiment: found or made, shared, and written to.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -17,9 +17,10 @@ use super::journal::Journal;
 use super::marks::Marks;
 use super::run::{RunWriter, pretty};
 use super::worker::Aboard;
-use super::{Host, StoreError, cell_json, layout, mount, plan_json, sums, utc, write};
+use super::{Host, StoreError, cell_json, layout, mount, parts, plan_json, sums, utc, write};
 use crate::experiment::event::{FinishedRun, History, Save};
 use crate::experiment::floors::HalfImages;
+use crate::experiment::parts::{Part, Piece};
 use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
@@ -160,6 +161,26 @@ impl Store {
         }
     }
 
+    /// The folder of what one process at a time works on, and the name that its checkpoints bear.
+    fn piece(&self, plan: &Plan, piece: Piece) -> (PathBuf, String) {
+        let part = match piece {
+            Piece::Run(_) => None,
+            Piece::Part(part) => stem_of(plan, &[part]).map(|stem| (parts::folder(&self.out, stem, &part), stem, part)),
+        };
+        match part {
+            Some((folder, stem, part)) => (folder, parts::name(stem, &part)),
+            None => (self.place(plan, piece.cell()), plan.id(piece.cell()).0.clone()),
+        }
+    }
+
+    /// Keeps the sums of a part of a reference that is done.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn keep_part(&self, plan: &Plan, part: &Part, kept: &Checkpoint) -> Result<(), StoreError> {
+        stem_of(plan, std::slice::from_ref(part)).map_or(Ok(()), |stem| parts::keep(&self.out, stem, part, kept))
+    }
+
     /// Writes a file of the experiment whole: `summary.csv`, `figures/convergence.svg`.
     ///
     /// # Errors
@@ -250,23 +271,26 @@ impl History for Store {
         self.aboard.as_ref()?.settled(plan, cell, &self.place(plan, cell))
     }
 
-    fn claim(&self, plan: &Plan, cell: CellRef) -> Result<Claim, SinkError> {
-        if let Some(apart) = self.aboard.as_ref().and_then(|aboard| aboard.apart(plan, cell).transpose()) {
+    fn claim(&self, plan: &Plan, piece: Piece) -> Result<Claim, SinkError> {
+        if let Some(apart) = self.aboard.as_ref().and_then(|aboard| aboard.apart(plan, piece.cell()).transpose()) {
             return apart.map_err(|e| SinkError(e.to_string()));
         }
-        self.claims.take(&self.place(plan, cell)).map_err(|e| SinkError(e.to_string()))
+        self.claims.take(&self.piece(plan, piece).0).map_err(|e| SinkError(e.to_string()))
     }
 
-    fn holds(&self, plan: &Plan, cell: CellRef) -> bool {
-        self.claims.holds(&self.place(plan, cell))
+    fn holds(&self, plan: &Plan, piece: Piece) -> bool {
+        self.claims.holds(&self.piece(plan, piece).0)
     }
 
-    fn release(&self, plan: &Plan, cell: CellRef) {
-        let place = self.place(plan, cell);
-        if let Some(aboard) = &self.aboard {
+    fn release(&self, plan: &Plan, piece: Piece) {
+        let (place, _) = self.piece(plan, piece);
+        if let (Some(aboard), Piece::Run(cell)) = (&self.aboard, piece) {
             aboard.mark(plan, cell, &place);
         }
         self.claims.release(&place);
+        if let Piece::Part(_) = piece {
+            parts::tidy(&place);
+        }
     }
 
     fn beginning(&self, plan: &Plan, reference: usize, most: u64) -> Option<Checkpoint> {
@@ -278,10 +302,10 @@ impl History for Store {
         sums::keep(&self.out, stem, standing, save).map_err(|e| SinkError(e.to_string()))
     }
 
-    fn checkpoint(&self, plan: &Plan, cell: CellRef) -> Option<Checkpoint> {
-        let run = &plan.id(cell).0;
-        let (found, turn, damaged) = checkpoint::load(&self.place(plan, cell), run);
-        self.turns.borrow_mut().insert(run.clone(), turn);
+    fn checkpoint(&self, plan: &Plan, piece: Piece) -> Option<Checkpoint> {
+        let (place, name) = self.piece(plan, piece);
+        let (found, turn, damaged) = checkpoint::load(&place, &name);
+        self.turns.borrow_mut().insert(name, turn);
         for path in damaged {
             let rest = if found.is_some() { "the one before it counts" } else { "its run starts again" };
             tracing::warn!("{} is damaged: {rest}", path.display());
@@ -289,12 +313,34 @@ impl History for Store {
         found
     }
 
-    fn keep(&self, plan: &Plan, cell: CellRef, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
-        let run = &plan.id(cell).0;
+    fn keep(&self, plan: &Plan, piece: Piece, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+        let (place, name) = self.piece(plan, piece);
         let mut turns = self.turns.borrow_mut();
-        let turn = turns.entry(run.clone()).or_default();
-        checkpoint::save(&self.place(plan, cell), run, turn, standing, save).map_err(|e| SinkError(e.to_string()))
+        let turn = turns.entry(name.clone()).or_default();
+        checkpoint::save(&place, &name, turn, standing, save).map_err(|e| SinkError(e.to_string()))
     }
+
+    fn parts_there(&self, plan: &Plan, all: &[Part]) -> BTreeSet<usize> {
+        stem_of(plan, all).map_or_else(BTreeSet::new, |stem| parts::there(&self.out, stem, all))
+    }
+
+    fn part(&self, plan: &Plan, part: &Part) -> Option<Checkpoint> {
+        parts::load(&self.out, stem_of(plan, std::slice::from_ref(part))?, part)
+    }
+
+    fn joined(&self, plan: &Plan, all: &[Part]) -> Option<Checkpoint> {
+        parts::joined(&self.out, stem_of(plan, all)?, all)
+    }
+
+    fn keep_joined(&self, plan: &Plan, all: &[Part], ground: Option<&Checkpoint>) -> Result<(), SinkError> {
+        let Some(stem) = stem_of(plan, all) else { return Ok(()) };
+        parts::keep_joined(&self.out, stem, all, ground).map_err(|e| SinkError(e.to_string()))
+    }
+}
+
+/// The stem of the reference that parts are of.
+fn stem_of<'a>(plan: &'a Plan, parts: &[Part]) -> Option<&'a str> {
+    plan.references.get(parts.first()?.reference)?.stem()
 }
 
 /// Whose folder this is, as far as it says.

@@ -149,16 +149,19 @@ pub struct Command {
     pub auto: String,
 }
 
-/// Scene files, and files that are references.
+/// All files that scenes are made of, modules, and files that are references.
 fn files_of(plan: &Plan) -> BTreeSet<PathBuf> {
     let references = plan.references.iter().map(|reference| match &reference.source {
         ReferenceSource::Render { config, .. } => config.scene_file.clone(),
         ReferenceSource::File { file, .. } => file.clone(),
     });
-    plan.cells.iter().map(|cell| cell.config.scene_file.clone()).chain(references).collect()
+    let scenes = plan.cells.iter().map(|cell| cell.config.scene_file.clone());
+    scenes.chain(references).chain(plan.files.iter().cloned()).filter(|file| !file.is_dir()).collect()
 }
 
 /// The hash of a file's content; empty where it cannot be read.
 fn hash(file: &Path) -> String {
-    fs::read(file).map_or_else(|_| String::new(), |bytes| blake3::hash(&bytes).to_hex().to_string())
+    let mut hasher = blake3::Hasher::new();
+    let read = fs::File::open(file).and_then(|file| hasher.update_reader(file).map(|_| ()));
+    read.map_or_else(|_| String::new(), |()| hasher.finalize().to_hex().to_string())
 }

@@ -39,10 +39,12 @@ pub mod mount;
 mod outline;
 mod owner;
 mod paces;
+mod parts;
 pub mod rehearsal;
 pub mod rows;
 mod run;
 mod seal;
+mod seen;
 mod sums;
 mod tail;
 #[cfg(test)]
@@ -60,12 +62,13 @@ pub use crew::{Device, Doing, Me, Worker, crew};
 pub use describe::{cell_json, plan_json};
 pub use experiment::Store;
 pub use failure::{FailureRecord, LOG_LINES};
-pub use follow::{Follower, Seen, Sight};
+pub use follow::Follower;
 pub use frozen::{Command, Frozen};
 pub use host::{Host, seconds_of, utc};
 pub use list::{ExperimentEntry, RunEntry, RunRecord, RunState, latest, list, read_run};
 pub use paces::archived_paces;
 pub use run::{FILMS, HALVES, NOISE, RunWriter};
+pub use seen::{Seen, Sight};
 pub use worker::Stock;
 pub use write::{atomic, probe};
 

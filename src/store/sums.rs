@@ -65,6 +65,14 @@ pub(super) fn keep(out: &Path, stem: &str, standing: &Standing, save: Save<'_>) 
     Ok(true)
 }
 
+/// Removes the sums of a reference that turned out to be damaged.
+///
+/// # Errors
+/// When they stay.
+pub(super) fn remove(out: &Path, stem: &str, samples: u64) -> std::io::Result<()> {
+    fs::remove_file(folder(out).join(format!("{stem}.{samples}")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

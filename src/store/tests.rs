@@ -83,6 +83,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         seeds: [98, 99],
         stem: RunId("ee".into()),
         stop: StopRule::Samples(64),
+        part: None,
     };
     Plan {
         name: name.into(),
@@ -105,6 +106,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         figures: vec![],
         tables: vec![],
         script_text: "-- a script\n".into(),
+        files: Default::default(),
     }
 }
 
@@ -279,11 +281,11 @@ fn a_second_process_works_on_what_the_first_does_not() {
     let (first, second) =
         (Store::open(dir.path(), &plan, decode).unwrap(), Store::open(dir.path(), &plan, decode).unwrap());
     assert_eq!(first.folder(), second.folder());
-    assert_eq!(first.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
-    assert!(matches!(second.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
-    assert_eq!(second.claim(&plan, CellRef::Cell(1)).unwrap(), Claim::Ours);
+    assert_eq!(first.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Ours);
+    assert!(matches!(second.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Theirs(_)));
+    assert_eq!(second.claim(&plan, CellRef::Cell(1).into()).unwrap(), Claim::Ours);
     drop(first);
-    assert_eq!(at_last(|| second.claim(&plan, CellRef::Cell(0)).unwrap()), Claim::Ours);
+    assert_eq!(at_last(|| second.claim(&plan, CellRef::Cell(0).into()).unwrap()), Claim::Ours);
 }
 
 #[test]

@@ -186,7 +186,8 @@ impl Aboard {
         let text = |key: &str| fields[key].as_str().unwrap_or_default().to_owned();
         match event {
             "cell_started" => self.presence.say(Doing::Rendering { run: text("run"), path: text("path") }),
-            "cell_finished" => self.presence.say(Doing::Waiting),
+            "part_started" => self.presence.say(Doing::Rendering { run: text("run"), path: text("words") }),
+            "cell_finished" | "part_finished" => self.presence.say(Doing::Waiting),
             "night_started" => return "worker_started",
             "night_finished" => return "worker_finished",
             _ => {}

@@ -277,7 +277,20 @@ impl Sink for LineSink {
                 self.started(*cell, &open.device);
             }
             Event::Wave { cell, row, pow2, .. } => self.wave(*cell, row, *pow2),
-            Event::Times { .. } | Event::Floors { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
+            Event::PartStarted { part, open, .. } => {
+                let text =
+                    format!("{}: {}, on {}", self.name(CellRef::Reference(part.reference)), part.words(), open.device);
+                self.talk(Ink::Plain, &words::clean(&text));
+            }
+            Event::PartFinished { part, outcome: Outcome::Done(_), .. } => {
+                let text = format!("{}: {} is there", self.name(CellRef::Reference(part.reference)), part.words());
+                self.talk(Ink::Plain, &text);
+            }
+            Event::PartFinished { .. }
+            | Event::Times { .. }
+            | Event::Floors { .. }
+            | Event::Halves { .. }
+            | Event::Agreement { .. } => {}
             Event::Forecast(left) => self.foretell(left),
             Event::CellFinished { cell, outcome, rows, .. } => {
                 self.spoken.remove(cell);

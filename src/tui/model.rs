@@ -72,6 +72,8 @@ pub struct Model {
     pub current: Option<Current>,
     /// The others with which it takes turns.
     pub rivals: BTreeMap<CellRef, Current>,
+    /// For every reference that is rendered in parts, the numbers of those that are done, and how many there are.
+    pub parts: BTreeMap<usize, (BTreeSet<usize>, usize)>,
     /// For every reference whose noise is known, what it leaves of each metric to be measured.
     pub floors: BTreeMap<usize, Arc<Vec<Option<f64>>>>,
     /// The references that a second technique contradicts.
@@ -117,6 +119,14 @@ impl Model {
                 self.picture(*cell, image.clone());
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
+            Event::PartStarted { part, open, .. } => {
+                self.part(part.reference, None, part.of, at_s);
+                self.start(CellRef::Reference(part.reference), open.clone(), None, at_s);
+            }
+            Event::PartFinished { part, outcome, .. } => {
+                let done = matches!(outcome, Outcome::Done(_));
+                self.part(part.reference, done.then_some(part.number), part.of, at_s);
+            }
             // Winding a reel takes a while; whoever hears the event does it first and hands it to `wound`.
             Event::Times { .. } | Event::Halves { .. } => {}
             Event::Agreement { reference, found, .. } => self.compared(*reference, found.agrees()),
@@ -254,6 +264,30 @@ impl Model {
         {
             self.current = Some(next);
         }
+    }
+
+    /// A part of a reference started or ended, and is there if its number is given; all are `of`.
+    pub fn part(&mut self, reference: usize, there: Option<usize>, of: usize, at_s: f64) {
+        self.heard(at_s);
+        let cell = CellRef::Reference(reference);
+        let Some(entry) = self.entry_mut(cell) else { return };
+        if entry.state == State::Running {
+            *entry = Entry::default();
+        }
+        let parts = self.parts.entry(reference).or_default();
+        parts.0.extend(there);
+        parts.1 = of;
+        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+            current.running = false;
+        }
+    }
+
+    /// How many parts of a reference are there, and of how many, while it is not settled.
+    pub fn parts_of(&self, cell: CellRef) -> Option<(usize, usize)> {
+        let CellRef::Reference(i) = cell else { return None };
+        let open = |entry: &&Entry| matches!(entry.state, State::Waiting | State::Running | State::Interrupted);
+        self.entry(cell).filter(open)?;
+        self.parts.get(&i).map(|(done, of)| (done.len(), *of))
     }
 
     /// The noise of a reference is known: no picture can be measured to be better than these values, in the order of the

@@ -78,6 +78,47 @@ fn what_was_edited_or_is_missing_is_named() {
     assert_eq!(finished(&place, &home).len(), RUNS);
 }
 
+/// A scene whose mesh, material and texture lie in files of their own, and whose cell is chosen by a module.
+const NAMING: &str = r#"{
+    "resolution": [8, 8],
+    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
+    "materials": [{ "name": "grey", "color": [0.5, 0.5, 0.5], "albedotexture": "paint.png" }],
+    "entities": [{ "type": "mesh", "material": "grey", "file": "tri.obj", "position": [0, 0, 0] }]
+}"#;
+
+#[test]
+fn every_file_that_makes_a_plan_is_named_when_it_changed() {
+    let place = Workplace::new();
+    let paint = |shade: u8| {
+        let bytes = lumbre::output::png::encode(
+            &lumbre::film::Image::from_fn(2, 2, |_, _| [f32::from(shade) / 255.0; 3]),
+            lumbre::metrics::tonemap::Tonemap::Srgb { exposure: 0.0 },
+            &[],
+        );
+        std::fs::write(place.path("paint.png"), bytes.unwrap()).unwrap();
+    };
+    paint(40);
+    place.write("tri.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n");
+    place.write("ball.scn", NAMING);
+    place.write("depths.lua", "return { 2 }");
+    let text = script(0).replace("x:axis(\"depth\", { 2, 4 })", "x:axis(\"depth\", require(\"depths\"))");
+    place.write("crew.lua", &text);
+    place.fail(2, &["submit", "slurm", "crew.lua", "--", "--no-such-option-of-sbatch"]);
+    let home = home(&place, "out");
+    let refused = |names: &[&str]| {
+        let said = place.fail(2, &["work", &home]);
+        let (_, listed) = said.split_once("changed or gone since: ").unwrap_or_else(|| panic!("{said}"));
+        for name in ["paint.png", "tri.obj", "depths.lua", "ball.scn"] {
+            assert_eq!(listed.contains(name), names.contains(&name), "{name} in {listed}");
+        }
+    };
+    paint(50);
+    refused(&["paint.png"]);
+    place.write("tri.obj", "v 0 0 0\nv 1 0 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n");
+    place.write("depths.lua", "return { 3 }");
+    refused(&["paint.png", "tri.obj", "depths.lua"]);
+}
+
 #[test]
 fn part_of_a_plan_leaves_the_rest_to_others() {
     let (place, home) = frozen();

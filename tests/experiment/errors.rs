@@ -115,7 +115,7 @@ fn stop_rules_are_checked_where_they_apply() {
     let rule = rmse.clone();
     lab.stop = Box::new(|_| Ok(StopRule::Samples(4)));
     lab.reference = Box::new(move |_| {
-        Ok(Some(ReferenceRequest::Render { config: Box::new(config()), stop: rule.clone(), agree: None }))
+        Ok(Some(ReferenceRequest::Render { config: Box::new(config()), stop: rule.clone(), agree: None, parts: 1 }))
     });
     assert_eq!(
         refusal(&lab),
@@ -136,7 +136,12 @@ fn a_reference_has_the_size_of_its_cell_and_can_be_read() {
     lab.reference = Box::new(|_| {
         let mut config = config();
         config.resolution = Some([8, 5]);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop: StopRule::Samples(4), agree: None }))
+        Ok(Some(ReferenceRequest::Render {
+            config: Box::new(config),
+            stop: StopRule::Samples(4),
+            agree: None,
+            parts: 1,
+        }))
     });
     assert_eq!(refusal(&lab), "at the only point: the picture has 8x4 pixels but its reference 8x5");
     lab.reference =

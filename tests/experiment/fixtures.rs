@@ -104,6 +104,7 @@ impl Lab {
                 config: Box::new(again(p)?),
                 stop: StopRule::Samples(4096),
                 agree: None,
+                parts: 1,
             }))
         });
         self
@@ -312,6 +313,11 @@ pub fn words(event: &Event) -> String {
         Event::Agreement { reference, with, .. } => format!("compared r{reference} r{with}"),
         Event::Times { cell, .. } => format!("times {}", name(cell)),
         Event::Halves { reference, .. } => format!("halves r{reference}"),
+        Event::PartStarted { part, .. } => format!("start r{} {}", part.reference, part.number),
+        Event::PartFinished { part, outcome: Outcome::Done(_), .. } => {
+            format!("there r{} {}", part.reference, part.number)
+        }
+        Event::PartFinished { part, .. } => format!("cut off r{} {}", part.reference, part.number),
         Event::Forecast(_) => "forecast".into(),
         Event::NightFinished => "morning".into(),
     }

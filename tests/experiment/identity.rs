@@ -43,7 +43,7 @@ impl Parts {
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         lab.reference = Box::new(move |_| {
             let config = Box::new(reference_config.clone());
-            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone(), agree: None }))
+            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone(), agree: None, parts: 1 }))
         });
         lab.plan()
     }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use lumbre::experiment::event::{FinishedRun, History, Level, Save};
+use lumbre::experiment::parts::Piece;
 use lumbre::experiment::run::{Options, Seams, run_with};
 use lumbre::experiment::standing::{Checkpoint, Standing};
 use lumbre::experiment::{CellRef, Control, NightSummary, Outcome, Plan, RunId, Sink, SinkError};
@@ -30,14 +31,14 @@ impl History for Kept {
         Ok(None)
     }
 
-    fn checkpoint(&self, plan: &Plan, cell: CellRef) -> Option<Checkpoint> {
-        self.0.borrow().get(plan.id(cell)).cloned()
+    fn checkpoint(&self, plan: &Plan, piece: Piece) -> Option<Checkpoint> {
+        self.0.borrow().get(plan.id(piece.cell())).cloned()
     }
 
-    fn keep(&self, plan: &Plan, cell: CellRef, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+    fn keep(&self, plan: &Plan, piece: Piece, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
         let mut state = Vec::new();
         let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
-        self.0.borrow_mut().insert(plan.id(cell).clone(), Checkpoint { standing: standing.clone(), state });
+        self.0.borrow_mut().insert(plan.id(piece.cell()).clone(), Checkpoint { standing: standing.clone(), state });
         Ok(saved)
     }
 }

@@ -24,7 +24,12 @@ fn references_come_first_and_then_the_cells_in_order() {
     lab.reference = Box::new(move |p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
-        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop: reference_stop.clone(), agree: None }))
+        Ok(Some(ReferenceRequest::Render {
+            config: Box::new(config),
+            stop: reference_stop.clone(),
+            agree: None,
+            parts: 1,
+        }))
     });
     let (summary, heard) = Night::default().record(&lab);
     let cell = |i: usize| [format!("start c{i}"), format!("wave c{i} 1"), format!("wave c{i} 3"), format!("done c{i}")];

@@ -29,7 +29,7 @@ fn lab(reference: u64) -> Lab {
     lab.render = Box::new(move |_| Ok(picture()));
     lab.reference = Box::new(move |_| {
         let stop = StopRule::Samples(reference);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(picture()), stop, agree: None }))
+        Ok(Some(ReferenceRequest::Render { config: Box::new(picture()), stop, agree: None, parts: 1 }))
     });
     lab
 }
@@ -69,6 +69,52 @@ fn a_reference_of_one_sample_has_no_halves_and_no_floor() {
     let (summary, heard) = Night::default().record(&lab(1));
     assert!(floors_told(&heard).is_empty() && summary.results[1].floors.is_empty());
     assert!(!heard.words.contains(&"halves r0".to_owned()));
+}
+
+#[test]
+fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
+    let mut lab = lab(400);
+    let picture = || {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        config
+    };
+    let (_, whole) = Night::default().record(&lab);
+    lab.reference = Box::new(move |_| {
+        let (config, stop) = (Box::new(picture()), StopRule::Samples(400));
+        Ok(Some(ReferenceRequest::Render { config, stop, agree: None, parts: 3 }))
+    });
+    assert_ne!(lab.plan().references[0].id.0, self::lab(400).plan().references[0].id.0, "their last bits may differ");
+    // Nobody keeps the parts, so the night holds them.
+    let (summary, heard) = Night::default().record(&lab);
+    let told: Vec<&str> = heard.words.iter().map(String::as_str).filter(|w| !w.starts_with("wave")).collect();
+    let start = told.iter().position(|w| *w == "start r0 1").unwrap();
+    let wanted = ["start r0 1", "there r0 1", "start r0 2", "there r0 2", "start r0 3", "there r0 3"];
+    assert_eq!(told[start..start + 6], wanted);
+    assert_eq!(told[start + 6..start + 11], ["start r0", "message r0", "halves r0", "floors r0", "done r0"]);
+    let [joined, one] = [&heard, &whole].map(|heard| heard.film(CellRef::Reference(0)).unwrap());
+    assert_eq!((joined.samples, one.samples), (400, 400));
+    for (a, b) in joined.sum.iter().flatten().zip(one.sum.iter().flatten()) {
+        assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+    }
+    for (a, b) in joined.variance_of_mean().data.iter().flatten().zip(one.variance_of_mean().data.iter().flatten()) {
+        assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
+    }
+    let rows = summary.results[0].rows.iter().map(|row| (row.wave, row.samples)).collect::<Vec<_>>();
+    assert_eq!(rows, [(1, 134), (2, 268), (3, 400)]);
+    let paths = summary.results[0].rows.last().unwrap().paths;
+    assert_eq!(paths, 400 * 64 * 48, "both halves' paths, each once");
+}
+
+#[test]
+fn only_samples_can_be_divided() {
+    let mut lab = lab(64);
+    lab.reference = Box::new(move |_| {
+        let (config, stop) = (Box::new(config()), StopRule::Time(1.0));
+        Ok(Some(ReferenceRequest::Render { config, stop, agree: None, parts: 4 }))
+    });
+    let said = lab.try_plan().unwrap_err().to_string();
+    assert!(said.contains("only a number of samples can be divided"), "{said}");
 }
 
 #[test]
@@ -131,7 +177,7 @@ fn compared() -> Lab {
         let second = CellConfig { integrator: "nee".into(), ..config.clone() };
         let agree = AgreeRequest { config: second, stop: StopRule::Samples(64), rate: 0.01 };
         let stop = StopRule::Samples(256);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree: Some(Box::new(agree)) }))
+        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree: Some(Box::new(agree)), parts: 1 }))
     });
     lab
 }

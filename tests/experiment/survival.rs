@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use lumbre::experiment::event::{FinishedRun, History, Level, Save};
+use lumbre::experiment::parts::Piece;
 use lumbre::experiment::run::{Options, Seams, run_with};
 use lumbre::experiment::spec::Order;
 use lumbre::experiment::standing::{Checkpoint, Claim, Standing};
@@ -38,7 +39,8 @@ impl History for Kept {
         Ok(None)
     }
 
-    fn claim(&self, plan: &Plan, cell: CellRef) -> Result<Claim, SinkError> {
+    fn claim(&self, plan: &Plan, piece: Piece) -> Result<Claim, SinkError> {
+        let cell = piece.cell();
         if cell != CellRef::Cell(0) || self.theirs.get() == 0 {
             return Ok(Claim::Ours);
         }
@@ -55,18 +57,18 @@ impl History for Kept {
         Ok(Claim::Theirs("process 7".to_owned()))
     }
 
-    fn checkpoint(&self, plan: &Plan, cell: CellRef) -> Option<Checkpoint> {
-        self.checkpoints.borrow().get(plan.id(cell)).cloned()
+    fn checkpoint(&self, plan: &Plan, piece: Piece) -> Option<Checkpoint> {
+        self.checkpoints.borrow().get(plan.id(piece.cell())).cloned()
     }
 
-    fn keep(&self, plan: &Plan, cell: CellRef, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+    fn keep(&self, plan: &Plan, piece: Piece, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
         if self.full.get() {
             return Err(SinkError("no space".to_owned()));
         }
         let mut state = Vec::new();
         let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
         let checkpoint = Checkpoint { standing: standing.clone(), state };
-        self.checkpoints.borrow_mut().insert(plan.id(cell).clone(), checkpoint);
+        self.checkpoints.borrow_mut().insert(plan.id(piece.cell()).clone(), checkpoint);
         Ok(saved)
     }
 }

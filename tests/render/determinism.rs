@@ -6,6 +6,7 @@ use glam::Vec3;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::Material;
+use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::{SAMPLERS, SOBOL};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
@@ -59,7 +60,7 @@ fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
     let scene = scene();
     let all = lumbre::film::layer::LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>();
     for (name, layers) in [("bpt", vec![]), ("bdpt", vec![]), ("bdpt", all)] {
-        let integrator = lumbre::transport::integrator::integrator(name).unwrap();
+        let integrator = integrator(name).unwrap();
         let job = Job { integrator, layers, ..job([12, 10], 3, 15) };
         let open = || CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
         let mut whole = open();
@@ -79,6 +80,26 @@ fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
                 assert_eq!(after.layer(film), whole.layer(film), "{name} after {cut}, film {film}");
             }
             assert!(open().restore(&state[..state.len() - 8]).is_err());
+        }
+    }
+}
+
+#[test]
+fn ranges_of_samples_are_what_the_whole_is_made_of() {
+    let scene = scene();
+    for name in ["nee", "bdpt"] {
+        for sampler in SAMPLERS {
+            let whole = Job { integrator: integrator(name).unwrap(), sampler, ..job([16, 12], 4, 21) };
+            let all = render(&scene, whole.clone(), 13);
+            let first = render(&scene, whole.clone(), 5);
+            let rest = render(&scene, Job { first_sample: 5, ..whole }, 8);
+            assert_ne!(first.sum, rest.sum);
+            for (i, sum) in all.sum.iter().enumerate() {
+                for c in 0..3 {
+                    let joined = first.sum[i][c] + rest.sum[i][c];
+                    assert!((joined - sum[c]).abs() <= 1e-13 * sum[c].abs(), "{name}: {joined} {}", sum[c]);
+                }
+            }
         }
     }
 }

@@ -84,16 +84,16 @@ fn references_are_the_cell_with_changes() {
     let table =
         "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth, aa = { filter = \"gauss\", radius = 1 },
       set = { [\"materials.egg.ior\"] = 1.5, [\"materials.egg.roughness\"] = p.depth / 10 } }";
-    let from = "x:reference { stop = stop.samples(64), from = function(p)
+    let from = "x:reference { stop = stop.samples(64), parts = 4, from = function(p)
   return { aa = { radius = 2 }, set = { [\"materials.egg.ior\"] = 2 }, max_depth = 64 }
 end }";
     let text = edited(TABLE, table).replace(REFERENCE, from);
     let folder = Folder::new(text);
     let script = folder.load().unwrap();
-    let Some(ReferenceRequest::Render { config, stop, .. }) = script.reference(&point(3)).unwrap() else {
+    let Some(ReferenceRequest::Render { config, stop, parts, .. }) = script.reference(&point(3)).unwrap() else {
         panic!("a rendered reference")
     };
-    assert_eq!(stop, StopRule::Samples(64));
+    assert_eq!((stop, parts), (StopRule::Samples(64), 4));
     assert_eq!((config.filter.kind, config.filter.radius, config.max_depth), (FilterKind::Gauss, 2.0, Some(64)));
     let set: Vec<String> = config.set.values().map(Value::to_string).collect();
     assert_eq!(set, ["2", "0.3"]);

@@ -38,6 +38,7 @@ pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> 
         timing: None,
         sampler: sampler(&config.sampler).ok_or("no such sampler")?,
         seed: cell.seed,
+        first_sample: 0,
         threads,
     };
     let row = backend("cpu").ok_or("no such backend")?;
@@ -48,7 +49,7 @@ pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> 
     for _ in 0..repeats.max(1) {
         let start = Instant::now();
         store
-            .keep(&plan, CellRef::Cell(0), &Standing::default(), &|to| renderer.save(to))
+            .keep(&plan, CellRef::Cell(0).into(), &Standing::default(), &|to| renderer.save(to))
             .map_err(|e| e.to_string())?;
         seconds.push(start.elapsed().as_secs_f64());
     }

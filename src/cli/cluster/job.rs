@@ -146,7 +146,8 @@ impl Sheet<'_> {
 
     fn hq(&self) -> String {
         let mut out = String::from("#!/bin/bash\n");
-        let logs = self.home.join(FOLDER).join("%{JOB_ID}_%{TASK_ID}.log");
+        // Two files: HyperQueue opens each of them, and neither for appending.
+        let logs = |end: &str| self.home.join(FOLDER).join(format!("%{{JOB_ID}}_%{{TASK_ID}}.{end}"));
         let mut option = |text: String| {
             // Writing to a String cannot fail.
             let _ = writeln!(out, "#HQ {text}");
@@ -157,8 +158,8 @@ impl Sheet<'_> {
         if self.gpus > 0 {
             option(format!("--resource gpus/nvidia={}", self.gpus));
         }
-        option(format!("--stdout={}", logs.display()));
-        option(format!("--stderr={}", logs.display()));
+        option(format!("--stdout={}", logs("out").display()));
+        option(format!("--stderr={}", logs("log").display()));
         out += &self.body(
             "# HyperQueue starts what it lost again. What ended at its time limit goes on when the night is submitted again.\n",
             "",

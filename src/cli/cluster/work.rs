@@ -261,7 +261,7 @@ impl Worker<'_> {
             CellRef::Cell(place) => (1, place),
         });
         write_evidence(self.store, self.plan, &night)?;
-        print_tables(self.plan, &night)?;
+        print_tables(self.store, self.plan, &night)?;
         say_failures(self.plan, &night);
         say_disagreements(self.plan, &night);
         self.say(|| format!("all is done; tables and figures were written to {}", shown(self.store.folder())));

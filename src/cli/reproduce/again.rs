@@ -7,6 +7,7 @@ use serde_json::Value as Json;
 
 use crate::cli::args::Global;
 use crate::cli::load::decode;
+use crate::experiment::parts::split;
 use crate::film::layer::Layer;
 use crate::film::{Film, Image};
 use crate::render::halves::Halves;
@@ -147,6 +148,7 @@ fn job_of(render: &Json, scene: &SceneDesc, global: &Global) -> Result<Job, Stri
         sampler: text(render, "sampler").map(sampler)?.ok_or("its sampler is unknown")?,
         accel: accel_of(render),
         seed: 0,
+        first_sample: 0,
         threads: global.threads,
     })
 }
@@ -175,8 +177,8 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         (row.probe)().map_err(|reason| format!("backend `{wanted}` cannot be used here: {reason}"))?;
         Some(row)
     };
-    let open = |seed: u64| {
-        let job = Job { seed, ..job.clone() };
+    let open = |seed: u64, first_sample: u64| {
+        let job = Job { seed, first_sample, ..job.clone() };
         let opened = match row {
             None => external::open(&scene, &job),
             Some(row) => (row.open)(Arc::clone(&compiled), job),
@@ -184,19 +186,37 @@ pub fn render(stored: &Stored, global: &Global) -> Result<Film, String> {
         opened.map_err(|e| e.to_string())
     };
     let seed = |json: &Json| json.as_u64().ok_or_else(|| "its config.json has no seed".to_owned());
-    // A reference is made of two halves.
-    let mut renderer: Box<dyn Renderer> = match stored.config["seeds"].as_array().map(Vec::as_slice) {
-        Some([first, second]) => Box::new(Halves::new([open(seed(first)?)?, open(seed(second)?)?])),
-        _ => open(seed(&stored.config["seed"])?)?,
+    let [first, second] = match stored.config["seeds"].as_array().map(Vec::as_slice) {
+        Some([first, second]) => [seed(first)?, seed(second)?],
+        _ => return Ok(rendered(open(seed(&stored.config["seed"])?, 0)?, stored.samples)?.film().clone()),
     };
-    while renderer.film().samples < stored.samples {
-        let left = stored.samples - renderer.film().samples;
+    // A reference is made of two halves, and perhaps of parts.
+    let size = stored.config["part"].as_u64().unwrap_or(stored.samples).max(2);
+    let mut joined: Option<[Film; 2]> = None;
+    for part in split(0, size, stored.samples) {
+        let at = part.first / 2;
+        let halves = Halves::new([open(first, at)?, open(second, at)?]);
+        let renderer = rendered(Box::new(halves), part.end - part.first)?;
+        let Some(own) = renderer.halves() else { return Ok(renderer.film().clone()) };
+        joined = Some(match joined {
+            Some([a, b]) => [Film::pooled(&a, &own[0]), Film::pooled(&b, &own[1])],
+            None => own.map(Arc::unwrap_or_clone),
+        });
+    }
+    let [a, b] = joined.ok_or("it has no samples")?;
+    Ok(Film::pooled(&a, &b))
+}
+
+/// A run with so many samples per pixel.
+fn rendered(mut renderer: Box<dyn Renderer>, samples: u64) -> Result<Box<dyn Renderer>, String> {
+    while renderer.film().samples < samples {
+        let left = samples - renderer.film().samples;
         let stats = renderer.advance(left.min(STEP)).map_err(|e| e.to_string())?;
         if stats.samples == 0 {
             return Err("the renderer adds no samples".to_owned());
         }
     }
-    Ok(renderer.film().clone())
+    Ok(renderer)
 }
 
 /// The scene with its changes, from the file where it was, as seen from here or from where the night was started.

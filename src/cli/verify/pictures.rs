@@ -16,11 +16,9 @@ use super::{Check, Outcome, Request, Verdict};
 use crate::cli::load;
 use crate::film::Image;
 use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer};
 use crate::scene::compile;
 use crate::scene::load::Missing;
-use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::SOBOL;
 
@@ -155,19 +153,12 @@ impl Row {
         let mut ratios = Vec::new();
         let reference = theirs.mean().iter().sum::<f64>();
         for part in 0..PARTS {
+            let seed = seed.wrapping_mul(PARTS).wrapping_add(part);
             let job = Job {
-                integrator: row,
-                params: Default::default(),
-                resolution: [theirs.width, theirs.height],
-                max_depth: self.max_depth,
                 rr_start: (self.max_depth > ROULETTE).then_some(ROULETTE),
-                filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-                layers: Vec::new(),
-                timing: None,
                 sampler: SOBOL,
-                accel: AccelSpec::default(),
-                seed: seed.wrapping_mul(PARTS).wrapping_add(part),
                 threads,
+                ..Job::plain(row, [theirs.width, theirs.height], self.max_depth, seed)
             };
             let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).map_err(|e| e.to_string())?;
             renderer.advance((samples / PARTS).max(1)).map_err(|e| e.to_string())?;

@@ -189,6 +189,14 @@ pub enum PlanError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
+    /// A reference that cannot be rendered in parts.
+    #[error("`parts` of the reference at {point}: {reason}")]
+    Parts {
+        /// Where in the sweep.
+        point: String,
+        /// Why not, and what to do.
+        reason: String,
+    },
     /// Another program that this machine does not have. The points that need it are left out instead.
     #[error("{technique} is not here: {reason}")]
     Absent {

@@ -7,6 +7,7 @@ use super::axes::{self, Overrides, describe};
 use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{Agree, Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity};
+use crate::experiment::parts;
 use crate::experiment::spec::{AgreeRequest, CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
 use crate::experiment::stop::StopRule;
 use crate::value::Value;
@@ -153,12 +154,15 @@ impl<'a> Builder<'a> {
                 let (id, identity) = self.resolver.reference_file(&file, point)?;
                 Reference { id, source: ReferenceSource::File { file, source }, identity, agree: None }
             }
-            Some(ReferenceRequest::Render { config, stop, agree }) => {
+            Some(ReferenceRequest::Render { config, stop, agree, parts }) => {
                 let seeds = identity::reference_seeds();
-                let reference = self.rendered_reference(*config, stop, seeds, cell, point)?;
+                let reference = self.rendered_reference(*config, stop, parts, seeds, cell, point)?;
                 let place = self.place(reference);
                 if let Some(AgreeRequest { config, stop, rate }) = agree.map(|agree| *agree) {
-                    let second = self.rendered_reference(config, stop, identity::second_seeds(), cell, point)?;
+                    // Where time ends it, it has no parts.
+                    let parts = if let StopRule::Samples(_) = stop { parts } else { 1 };
+                    let seeds = identity::second_seeds();
+                    let second = self.rendered_reference(config, stop, parts, seeds, cell, point)?;
                     let with = self.place(second);
                     self.references[place].agree = Some(Agree { with, rate });
                 }
@@ -186,6 +190,7 @@ impl<'a> Builder<'a> {
         &mut self,
         config: CellConfig,
         stop: StopRule,
+        parts: u32,
         seeds: [u64; 2],
         cell: &Renderable,
         point: &Point,
@@ -204,10 +209,11 @@ impl<'a> Builder<'a> {
             error: Box::new(error),
         })?;
         let end = identity::reference_stop(&stop, &self.spec.script_hash);
-        let stem = identity::stem(picture, seeds);
+        let part = part_of(&config, &stop, parts, point)?;
+        let stem = identity::stem(picture, seeds, part);
         let stem_id = identity::run_id(&Value::Map(stem.clone()));
         let identity = identity::reference(stem, end);
-        let source = ReferenceSource::Render { config, scene, seeds, stem: stem_id, stop };
+        let source = ReferenceSource::Render { config, scene, seeds, stem: stem_id, stop, part };
         Ok(Reference { id: identity::run_id(&identity), source, identity, agree: None })
     }
 
@@ -273,6 +279,7 @@ impl<'a> Builder<'a> {
             figures: self.spec.figures.clone(),
             tables: self.spec.tables.clone(),
             script_text: self.spec.script_text.clone(),
+            files: BTreeSet::new(),
         };
         plan.hash = identity::plan_hash(&plan);
         plan
@@ -321,4 +328,19 @@ impl<'a> Builder<'a> {
 
 fn hook(function: &str, point: &Point, error: HookError) -> PlanError {
     PlanError::Hook { function: function.to_owned(), point: describe(point), error }
+}
+
+/// Samples per pixel of a reference's parts, where it has several.
+fn part_of(config: &CellConfig, stop: &StopRule, parts: u32, point: &Point) -> Result<Option<u64>, PlanError> {
+    if parts <= 1 {
+        return Ok(None);
+    }
+    let refuse = |reason: &str| Err(PlanError::Parts { point: describe(point), reason: reason.to_owned() });
+    match stop {
+        _ if !config.films.is_empty() || config.timing.is_some() => {
+            refuse("layers and time axes are not joined: leave `films` and `film` out of its render table")
+        }
+        StopRule::Samples(total) => Ok(parts::size(*total, parts)),
+        _ => refuse("only a number of samples can be divided: stop = stop.samples(4096)"),
+    }
 }

@@ -111,9 +111,18 @@ pub(super) fn run(mut picture: BTreeMap<String, Value>, seed: u64, stop: Value) 
 }
 
 /// The stem of a rendered reference: a picture with the seeds of its halves. References with one stem differ only in
-/// when they end, so that one can be the beginning of another.
-pub(super) fn stem(mut picture: BTreeMap<String, Value>, seeds: [u64; 2]) -> BTreeMap<String, Value> {
+/// when they end, so that one can be the beginning of another. `part` is the number of samples per pixel of each part, where
+/// there are several: the last bits of sums depend on it.
+pub(super) fn stem(
+    mut picture: BTreeMap<String, Value>,
+    seeds: [u64; 2],
+    part: Option<u64>,
+) -> BTreeMap<String, Value> {
     picture.insert("halves".to_owned(), Value::List(seeds.map(seed_value).into()));
+    // Left out where there are none, so that references keep the ids they had before there were parts.
+    if let Some(samples) = part {
+        picture.insert("part".to_owned(), Value::Int(i64::try_from(samples).unwrap_or(i64::MAX)));
+    }
     picture
 }
 

@@ -14,6 +14,8 @@ mod path;
 mod reach;
 mod resolve;
 
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use axes::{MAX_CELLS, Overrides};
@@ -24,6 +26,7 @@ pub use reach::unreachable;
 pub use resolve::{LoadScene, LoadedScene};
 
 use super::event::CellRef;
+use super::parts::{Part, split};
 use super::spec::{CellConfig, FigureSpec, Measure, NightSpec, Point, TableSpec};
 use super::stop::StopRule;
 use crate::scene::{Note, SceneDesc};
@@ -88,6 +91,16 @@ pub struct Reference {
 }
 
 impl Reference {
+    /// Its parts in order, where it is rendered in several; `place` is its index in [`Plan::references`].
+    pub fn parts(&self, place: usize) -> Vec<Part> {
+        match &self.source {
+            ReferenceSource::Render { part: Some(size), stop: StopRule::Samples(total), .. } => {
+                split(place, *size, *total)
+            }
+            _ => Vec::new(),
+        }
+    }
+
     /// What it shares with references that differ only in when they end, if it is rendered.
     pub fn stem(&self) -> Option<&str> {
         match &self.source {
@@ -121,11 +134,13 @@ pub enum ReferenceSource {
         stem: RunId,
         /// When it is good enough.
         stop: StopRule,
+        /// Samples per pixel of each of its [parts](super::parts), where it is rendered in several.
+        part: Option<u64>,
     },
     /// A file; the hash of its content is its identity.
     File {
         /// The file.
-        file: std::path::PathBuf,
+        file: PathBuf,
         /// Who made it and how, in the script's words; empty if it does not say.
         source: String,
     },
@@ -173,6 +188,8 @@ pub struct Plan {
     pub tables: Vec<TableSpec>,
     /// The script's text.
     pub script_text: String,
+    /// The files that its scenes were made of and the modules of its script, where whoever expanded it knows them.
+    pub files: BTreeSet<PathBuf>,
 }
 
 impl Plan {

@@ -12,6 +12,7 @@ use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::memory;
+use crate::experiment::parts::{Part, Piece};
 use crate::experiment::plan::identity;
 use crate::experiment::spec::{CellConfig, Snapshots, Warmup};
 use crate::experiment::standing::Standing;
@@ -47,10 +48,19 @@ pub(super) struct Work<'a> {
     pub(super) scene: &'a Arc<SceneDesc>,
     /// One, or those of two halves.
     pub(super) seeds: &'a [u64],
-    pub(super) stop: &'a StopRule,
+    pub(super) stop: StopRule,
+    /// Where it is one of several parts of a reference.
+    pub(super) part: Option<Part>,
     pub(super) reference: Option<SharedImage>,
     /// A size other than the configuration's.
     pub(super) resolution: Option<[u32; 2]>,
+}
+
+impl Work<'_> {
+    /// What of it one process at a time works on.
+    pub(super) fn piece(&self) -> Piece {
+        self.part.map_or(Piece::Run(self.cell), Piece::Part)
+    }
 }
 
 /// What became of a run.
@@ -185,7 +195,7 @@ impl<'a> Night<'a, '_> {
             let cell = run.work.cell;
             let ended = self.ended(run, outcome);
             self.finish(cell, Ended { floors, ..ended });
-            self.history.release(self.plan, cell);
+            self.history.release(self.plan, cell.into());
             if next == 0 {
                 // A request that came too late for this run is not meant for the next.
                 self.control.take_skip();
@@ -198,9 +208,9 @@ impl<'a> Night<'a, '_> {
     fn ended(&mut self, run: Running<'_>, outcome: Outcome) -> Ended {
         let Running { work, mut progress, layers, .. } = run;
         if outcome == Outcome::Interrupted {
-            self.keep(work.cell, &mut progress);
+            self.keep(&work, &mut progress);
         }
-        if let (CellRef::Reference(place), Outcome::Done(_)) = (work.cell, &outcome) {
+        if let (Piece::Run(CellRef::Reference(place)), Outcome::Done(_)) = (work.piece(), &outcome) {
             self.keep_sums(place, &progress);
         }
         let renderer = progress.renderer.as_ref().filter(|r| r.film().samples > 0);
@@ -275,7 +285,10 @@ impl<'a> Night<'a, '_> {
         }
         run.waves = Some(waves);
         let reference = work.reference.clone();
-        self.emit(&Event::CellStarted { cell: work.cell, open, reference, resumed: rows })?;
+        self.emit(&match work.part {
+            Some(part) => Event::PartStarted { part, open, resumed: rows },
+            None => Event::CellStarted { cell: work.cell, open, reference, resumed: rows },
+        })?;
         if let Some((level, text)) = resumed.word {
             self.say(level, work.cell, text)?;
         }
@@ -292,12 +305,12 @@ impl<'a> Night<'a, '_> {
             let rows = &standing.rows;
             // Also asked of what an earlier process measured last, which may have been cut off before it asked.
             if !rows.is_empty()
-                && let Some(reason) = self.stops(run.work.stop, rows)?
+                && let Some(reason) = self.stops(&run.work.stop, rows)?
             {
                 return Ok(Next::End(Outcome::Done(reason)));
             }
             let Some(waves) = &mut run.waves else { return Err("the run has not begun".to_owned().into()) };
-            standing.left = waves.next(rows, run.work.stop);
+            standing.left = waves.next(rows, &run.work.stop);
             standing.growth = waves.size;
         }
         if standing.left > 0 {
@@ -316,7 +329,7 @@ impl<'a> Night<'a, '_> {
                 self.say(Level::Warn, cell, invalid_words(&progress.standing))?;
             }
             run.progress.standing.wall_s = run.wall_s();
-            self.keep_if_due(cell, &mut run.progress);
+            self.keep_if_due(&run.work, &mut run.progress);
         }
         if run.progress.standing.left == 0 {
             self.close_wave(run)?;
@@ -402,7 +415,7 @@ impl<'a> Night<'a, '_> {
         how: &Try,
     ) -> Result<(Box<dyn Renderer>, Resumed), Broken> {
         let mut renderer = self.open(work, Arc::clone(&scene), how.backend)?;
-        let own = if how.anew { None } else { self.history.checkpoint(self.plan, work.cell) };
+        let own = if how.anew { None } else { self.history.checkpoint(self.plan, work.piece()) };
         let (checkpoint, word) = match own {
             Some(own) => (own, "goes on from its checkpoint after"),
             None => match self.beginning(work).filter(|_| !how.anew) {
@@ -470,6 +483,7 @@ impl<'a> Night<'a, '_> {
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             accel: config.accel,
             seed: 0,
+            first_sample: work.part.map_or(0, |part| part.first / 2),
             threads: self.options.threads,
         };
         let open = |seed: u64| -> Result<Box<dyn Renderer>, Broken> {

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::cell::{Progress, Work};
 use super::night::Night;
 use crate::experiment::event::{CellRef, Level};
+use crate::experiment::parts::Piece;
 use crate::experiment::standing::Checkpoint;
 
 /// Render time between two checkpoints in seconds, where nobody says otherwise.
@@ -40,7 +41,7 @@ impl Kept {
 
 impl Night<'_, '_> {
     /// Keeps a checkpoint if it is time for one or somebody asked for it.
-    pub(super) fn keep_if_due(&mut self, cell: CellRef, progress: &mut Progress) {
+    pub(super) fn keep_if_due(&mut self, work: &Work<'_>, progress: &mut Progress) {
         let every_s = match self.plan.night.checkpoint_s {
             Some(seconds) => seconds,
             None => EVERY_S.max(DEAREST * progress.kept.cost_s),
@@ -48,7 +49,7 @@ impl Night<'_, '_> {
         self.asked += u64::from(self.control.take_checkpoint());
         let asked = std::mem::replace(&mut progress.kept.asked, self.asked) != self.asked;
         if asked || progress.standing.render_s() - progress.kept.at_s >= every_s {
-            let kept = self.keep(cell, progress);
+            let kept = self.keep(work, progress);
             if asked {
                 let samples = progress.standing.samples();
                 let text = match (kept, progress.kept.never) {
@@ -57,19 +58,19 @@ impl Night<'_, '_> {
                     (false, false) => return,
                 };
                 // The checkpoint is there whether or not it can be told.
-                let _ = self.say(Level::Info, cell, text);
+                let _ = self.say(Level::Info, work.cell, text);
             }
         }
     }
 
     /// What a reference can go on from: a shorter one with its stem that its own rule would not have ended before.
     pub(super) fn beginning(&self, work: &Work<'_>) -> Option<Checkpoint> {
-        let CellRef::Reference(place) = work.cell else { return None };
+        let Piece::Run(CellRef::Reference(place)) = work.piece() else { return None };
         let limit = work.stop.sample_limit();
         let found = self.history.beginning(self.plan, place, limit.unwrap_or(u64::MAX))?;
         let exact = limit == Some(found.standing.samples());
         // What fails here fails again where it is told.
-        let early = !matches!(self.stops(work.stop, &found.standing.rows), Ok(Some(_)));
+        let early = !matches!(self.stops(&work.stop, &found.standing.rows), Ok(Some(_)));
         (found.standing.between_waves() && (exact || early)).then_some(found)
     }
 
@@ -86,13 +87,13 @@ impl Night<'_, '_> {
 
     /// Keeps a checkpoint of what is rendered so far, and says whether it did. If it cannot be written the night goes
     /// on, and says so once.
-    pub(super) fn keep(&mut self, cell: CellRef, progress: &mut Progress) -> bool {
+    pub(super) fn keep(&mut self, work: &Work<'_>, progress: &mut Progress) -> bool {
         let Some(renderer) = progress.renderer.as_ref().filter(|r| r.film().samples > 0) else { return false };
         if progress.kept.never {
             return false;
         }
         let start = Instant::now();
-        let kept = self.history.keep(self.plan, cell, &progress.standing, &|to| renderer.save(to));
+        let kept = self.history.keep(self.plan, work.piece(), &progress.standing, &|to| renderer.save(to));
         let state = &mut progress.kept;
         (state.at_s, state.cost_s) = (progress.standing.render_s(), start.elapsed().as_secs_f64());
         state.never = matches!(kept, Ok(false));
@@ -106,7 +107,7 @@ impl Night<'_, '_> {
                 if !std::mem::replace(&mut state.lost, true) {
                     let text = format!("no checkpoint could be written, and the night goes on: {error}");
                     // Telling may fail as well; the run itself is not in danger.
-                    let _ = self.say(Level::Warn, cell, text);
+                    let _ = self.say(Level::Warn, work.cell, text);
                 }
                 false
             }

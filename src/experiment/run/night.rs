@@ -7,14 +7,15 @@ use std::time::{Duration, Instant, SystemTime};
 use super::agreement::Compared;
 use super::cell::{Ended, Running, Work, crowded};
 use super::patience::Patience;
+use super::references::{Truth, lost};
 use super::{CellResult, NightSummary, Options, RunError, Seams};
 use crate::experiment::WaveRow;
 use crate::experiment::event::{CellRef, Control, Event, History, Level, Outcome, Sink};
-use crate::experiment::floors::{Floors, HalfImages};
+use crate::experiment::floors::Floors;
 use crate::experiment::forecast::{Kind, Pace, Paces, forecast};
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::spec::ScriptHooks;
-use crate::experiment::standing::{Claim, Settled};
+use crate::experiment::standing::{Checkpoint, Claim, Settled};
 use crate::film::SharedImage;
 use crate::scene::compile::Sharing;
 use crate::scene::{CompiledScene, Note, SceneDesc};
@@ -22,20 +23,8 @@ use crate::scene::{CompiledScene, Note, SceneDesc};
 /// The least time between two reckonings of what is left.
 const RECKON: Duration = Duration::from_secs(2);
 
-/// A reference as far as the night has come.
-enum Truth {
-    /// Not looked at yet.
-    Ahead,
-    /// Recorded; the history gives its picture.
-    Recorded,
-    /// Rendered, but the history does not keep it.
-    Held(SharedImage),
-    /// Not to be had; the text says why.
-    Lost(String),
-}
-
 /// What came of looking at a cell.
-enum Look<'a> {
+pub(super) enum Look<'a> {
     /// It is to be rendered.
     Ready(Box<(Running<'a>, Floors)>),
     /// It has ended, one way or another.
@@ -46,9 +35,6 @@ enum Look<'a> {
     Apart(String),
 }
 
-/// How long it is believed that another process has a reference while cells that need it are gone through.
-const BELIEF: Duration = Duration::from_secs(5);
-
 /// A night in progress.
 pub(super) struct Night<'a, 's> {
     pub(super) seams: &'a Seams<'a>,
@@ -58,13 +44,15 @@ pub(super) struct Night<'a, 's> {
     pub(super) options: Options,
     pub(super) history: &'a dyn History,
     pub(super) sinks: &'a mut [&'s mut dyn Sink],
-    truths: Vec<Truth>,
+    pub(super) truths: Vec<Truth>,
     /// References that another process had a moment ago, and which process that is.
-    away: BTreeMap<usize, (String, Instant)>,
+    pub(super) away: BTreeMap<usize, (String, Instant)>,
     /// The reference that was used last: neighbouring cells mostly share it.
-    recent: Option<(usize, SharedImage)>,
+    pub(super) recent: Option<(usize, SharedImage)>,
     /// The references that wait for the other side of a comparison.
     pub(super) compared: BTreeMap<usize, Compared>,
+    /// Parts of references that nobody keeps, by reference and number.
+    pub(super) held: BTreeMap<(usize, usize), Arc<Checkpoint>>,
     /// The noise floors of the references as far as they are known.
     pub(super) floors: Vec<Option<Floors>>,
     /// The scene that was compiled last, and what it was compiled from and how.
@@ -105,6 +93,7 @@ impl<'a, 's> Night<'a, 's> {
             away: BTreeMap::new(),
             recent: None,
             compared: BTreeMap::new(),
+            held: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
             compiled: None,
             told: BTreeSet::new(),
@@ -222,7 +211,7 @@ impl<'a, 's> Night<'a, 's> {
     }
 
     /// Takes note of what another worker has settled.
-    fn is_settled(&mut self, cell: CellRef) -> bool {
+    pub(super) fn is_settled(&mut self, cell: CellRef) -> bool {
         if let CellRef::Reference(place) = cell
             && !matches!(self.truths[place], Truth::Ahead)
         {
@@ -290,125 +279,6 @@ impl<'a, 's> Night<'a, 's> {
         self.emit(&Event::Message { level, cell: Some(cell), text })
     }
 
-    fn reference(&mut self, place: usize) -> Look<'a> {
-        let cell = CellRef::Reference(place);
-        if self.is_settled(cell) {
-            return Look::Ended;
-        }
-        if let Some((whose, at)) = self.away.get(&place)
-            && at.elapsed() < BELIEF
-        {
-            return Look::Elsewhere(whose.clone());
-        }
-        let plan = self.plan;
-        match &plan.references[place].source {
-            ReferenceSource::File { file, .. } => {
-                let ended = match self.history.image(plan, place) {
-                    Ok(Some(image)) => {
-                        self.recent = Some((place, Arc::new(image)));
-                        Ended { outcome: Outcome::Cached(file.clone()), ..Ended::failed(String::new()) }
-                    }
-                    Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
-                    Err(error) => Ended::failed(error.to_string()),
-                };
-                let outcome = self.finish(cell, ended);
-                self.truths[place] = if let Outcome::Cached(_) = outcome { Truth::Recorded } else { lost(&outcome) };
-            }
-            ReferenceSource::Render { config, scene, seeds, stop, .. } => {
-                let work = Work { cell, config, scene, seeds, stop, reference: None, resolution: None };
-                match self.rendered_reference(place, &work) {
-                    Ok(truth) => {
-                        self.truths[place] = truth;
-                        self.compare(place);
-                    }
-                    Err(whose) => {
-                        self.away.insert(place, (whose.clone(), Instant::now()));
-                        return Look::Elsewhere(whose);
-                    }
-                }
-            }
-        }
-        Look::Ended
-    }
-
-    /// The error says who else renders it.
-    fn rendered_reference(&mut self, place: usize, work: &Work<'a>) -> Result<Truth, String> {
-        if let Some(truth) = self.reference_that_is_there(place, work) {
-            return Ok(truth);
-        }
-        match self.history.claim(self.plan, work.cell) {
-            Ok(Claim::Ours) => {}
-            Ok(Claim::Theirs(whose) | Claim::Never(whose)) => return Err(whose),
-            Err(error) => return Ok(lost(&self.finish(work.cell, Ended::failed(error.to_string())))),
-        }
-        // Between the look and the claim, another process may have finished it.
-        let truth = match self.reference_that_is_there(place, work) {
-            Some(truth) => truth,
-            None => self.new_reference(place, work),
-        };
-        self.history.release(self.plan, work.cell);
-        Ok(truth)
-    }
-
-    fn reference_that_is_there(&mut self, place: usize, work: &Work<'_>) -> Option<Truth> {
-        match self.recorded_reference(place) {
-            Ok(Some(ended)) => Some(match self.finish(work.cell, ended) {
-                Outcome::Cached(_) => Truth::Recorded,
-                outcome => lost(&outcome),
-            }),
-            Ok(None) => None,
-            Err(problem) => {
-                let text = format!("the reference that was there is rendered again: {problem}");
-                let reason = self.say(Level::Warn, work.cell, text).err()?;
-                Some(lost(&self.finish(work.cell, Ended::failed(reason))))
-            }
-        }
-    }
-
-    fn new_reference(&mut self, place: usize, work: &Work<'a>) -> Truth {
-        let mut ended = self.perform(work.clone());
-        let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
-        if let Some(film) = &ended.film {
-            self.remember(place, film);
-        }
-        if let (Some(halves), Some(image)) = (ended.halves.take(), &image) {
-            let images = HalfImages {
-                means: [halves[0].mean(), halves[1].mean()],
-                samples: [halves[0].samples, halves[1].samples],
-            };
-            let told = self.emit(&Event::Halves { reference: place, halves });
-            if let Err(reason) = told.and_then(|()| self.learn_floors(place, image, &images)) {
-                return lost(&self.finish(work.cell, Ended::failed(reason)));
-            }
-        }
-        let outcome = self.finish(work.cell, ended);
-        match (outcome, image) {
-            (Outcome::Done(_), Some(image)) => {
-                self.recent = Some((place, Arc::clone(&image)));
-                // Many references of large pictures do not fit into memory, so one that can be read again is not held.
-                match self.history.image(self.plan, place) {
-                    Ok(Some(_)) => Truth::Recorded,
-                    _ => Truth::Held(image),
-                }
-            }
-            (outcome, _) => lost(&outcome),
-        }
-    }
-
-    /// Whether a reference is there.
-    pub(super) fn is_ready(&self, place: usize) -> bool {
-        matches!(self.truths[place], Truth::Recorded | Truth::Held(_))
-    }
-
-    /// A reference that an earlier night finished, if its picture can be read.
-    fn recorded_reference(&mut self, place: usize) -> Result<Option<Ended>, String> {
-        let Some(run) = self.history.done(self.plan, CellRef::Reference(place)) else { return Ok(None) };
-        let image = self.history.image(self.plan, place).map_err(|e| e.to_string())?;
-        let Some(image) = image else { return Ok(None) };
-        self.recent = Some((place, Arc::new(image)));
-        Ok(Some(Ended::cached(run)))
-    }
-
     /// Tells how long the rest will take, now and then.
     fn reckon(&mut self) {
         if self.reckoned.is_some_and(|last| last.elapsed() < RECKON) {
@@ -462,7 +332,7 @@ impl<'a, 's> Night<'a, 's> {
             Some(reason) => {
                 for (run, _) in field {
                     self.finish(run.work.cell, Ended::failed(reason.clone()));
-                    self.history.release(self.plan, run.work.cell);
+                    self.history.release(self.plan, run.work.cell.into());
                 }
             }
             None => self.race(field),
@@ -491,7 +361,7 @@ impl<'a, 's> Night<'a, 's> {
                 return Look::Elsewhere(whose);
             }
         }
-        match self.history.claim(plan, cell) {
+        match self.history.claim(plan, cell.into()) {
             Ok(Claim::Ours) => {}
             Ok(Claim::Theirs(whose)) => return Look::Elsewhere(whose),
             Ok(Claim::Never(why)) => return Look::Apart(why),
@@ -509,7 +379,7 @@ impl<'a, 's> Night<'a, 's> {
             },
         };
         self.finish(cell, ended);
-        self.history.release(plan, cell);
+        self.history.release(plan, cell.into());
         Look::Ended
     }
 
@@ -523,40 +393,19 @@ impl<'a, 's> Night<'a, 's> {
             config: &it.config,
             scene: &it.scene,
             seeds: std::slice::from_ref(&it.seed),
-            stop: &it.stop,
+            stop: it.stop.clone(),
+            part: None,
             reference,
             resolution: None,
         };
         Ok((Running::new(work), floors))
     }
 
-    /// The picture of a reference, which must have the given size.
-    fn truth(&mut self, place: usize, size: Option<[u32; 2]>) -> Result<SharedImage, String> {
-        let image = match (&self.truths[place], &self.recent) {
-            (Truth::Lost(reason), _) => return Err(format!("its reference is missing: {reason}")),
-            (Truth::Held(image), _) => Arc::clone(image),
-            (_, Some((recent, image))) if *recent == place => Arc::clone(image),
-            _ => match self.history.image(self.plan, place) {
-                Ok(Some(image)) => Arc::new(image),
-                Ok(None) => return Err("its reference is missing: it was there when the night began".to_owned()),
-                Err(error) => return Err(format!("its reference cannot be read: {error}")),
-            },
-        };
-        self.recent = Some((place, Arc::clone(&image)));
-        match size {
-            Some([width, height]) if [width, height] != [image.width, image.height] => Err(format!(
-                "the picture has {width}x{height} pixels but its reference {}x{}",
-                image.width, image.height
-            )),
-            _ => Ok(image),
-        }
-    }
-
     /// Tells how a cell ended and keeps it for the summary. If a sink cannot record it, it has failed after all.
     pub(super) fn finish(&mut self, cell: CellRef, ended: Ended) -> Outcome {
         let Ended { mut outcome, film, layers, times, rows, floors, halves: _, open } = ended;
         if let Outcome::Done(_) = outcome
-            && !self.history.holds(self.plan, cell)
+            && !self.history.holds(self.plan, cell.into())
         {
             let text = "another process took this run over while this one stood still; its results are the same";
             // The run is not lost, only not recorded here.
@@ -582,12 +431,4 @@ impl<'a, 's> Night<'a, 's> {
         self.summary.results.push(CellResult { cell, outcome: outcome.clone(), rows, floors, open });
         outcome
     }
-}
-
-fn lost(outcome: &Outcome) -> Truth {
-    Truth::Lost(match outcome {
-        Outcome::Failed(reason) => reason.clone(),
-        Outcome::Interrupted => "it was given up".to_owned(),
-        Outcome::Done(_) | Outcome::Cached(_) => "it has no picture".to_owned(),
-    })
 }

@@ -94,7 +94,8 @@ impl Night<'_, '_> {
         let [width, height] = config.resolution.unwrap_or(scene.resolution);
         let shrink = width.max(height).div_ceil(SIDE).max(1);
         let resolution = Some([width.div_ceil(shrink), height.div_ceil(shrink)]);
-        let work = Work { cell, config, scene, seeds: &[seed], stop, reference: None, resolution };
+        let seeds = &[seed];
+        let work = Work { cell, config, scene, seeds, stop: stop.clone(), part: None, reference: None, resolution };
         let scene = self.compiled(&work)?;
         let mut renderer = Some(self.open(&work, scene, None)?);
         let stats = advance(&mut renderer, 1)?;

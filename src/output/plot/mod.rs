@@ -16,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub use raster::rasterize;
 pub use sheet::sheets;
 
+use super::devices::{DEVICE, Devices};
 use super::labels;
 use super::report::curve::{Band, BandKind, Curve as Repeat, band};
 use super::report::study::Shown;
@@ -91,7 +92,11 @@ pub struct FigureFiles {
 /// Errors have a logarithmic axis; a metric with a best value of 1, such as SSIM, is drawn as 1 − value; PSNR has a
 /// linear axis. Values without a place on their axis (zero, negative, NaN) are left out. Curves with the same value of
 /// `by` look alike in all figures of the specification.
-pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<FigureFiles> {
+///
+/// Times of several devices never share an axis: each device that `devices` names then has figures of its own, as if it
+/// were one more facet.
+pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: &Devices) -> Vec<FigureFiles> {
+    let timed = spec.x == FigureX::RenderS && devices.several();
     let rows: BTreeMap<usize, &[WaveRow]> = results
         .iter()
         .filter_map(|r| match r.cell {
@@ -115,7 +120,10 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<Fi
         if !rows.contains_key(&cell) {
             continue;
         }
-        let facet = pairs(plan, &spec.facet, cell);
+        let mut facet = pairs(plan, &spec.facet, cell);
+        if timed {
+            facet.push((DEVICE.to_owned(), devices.of(cell).to_owned()));
+        }
         match facets.iter_mut().find(|(values, _)| *values == facet) {
             Some((_, cells)) => cells.push((cell, look)),
             None => facets.push((facet, vec![(cell, look)])),

@@ -31,6 +31,11 @@ fn waves(cell: usize) -> Vec<(f64, f64)> {
     (0..14).map(wave).collect()
 }
 
+/// The figures of a night on one device.
+fn drawn(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<FigureFiles> {
+    figures(plan, spec, results, &Devices::default())
+}
+
 fn count(svg: &str, what: &str) -> usize {
     svg.matches(what).count()
 }
@@ -38,7 +43,7 @@ fn count(svg: &str, what: &str) -> usize {
 #[test]
 fn one_picture_for_each_facet_with_a_panel_for_each_metric() {
     let (plan, results) = night();
-    let figures = figures(&plan, &spec(&["rmse", "ssim"], Some("depth"), &["scene"]), &results);
+    let figures = drawn(&plan, &spec(&["rmse", "ssim"], Some("depth"), &["scene"]), &results);
     let stems: Vec<&str> = figures.iter().map(|f| f.stem.as_str()).collect();
     assert_eq!(stems, ["convergence_scene=box", "convergence_scene=lamps____glass_"]);
     let svg = &figures[1].svg;
@@ -65,7 +70,7 @@ fn one_picture_for_each_facet_with_a_panel_for_each_metric() {
 fn curves_look_the_same_in_every_figure() {
     let (plan, results) = night();
     let one = spec(&["rmse"], Some("depth"), &["scene"]);
-    let (whole, part) = (figures(&plan, &one, &results), figures(&plan, &one, &results[8..10]));
+    let (whole, part) = (drawn(&plan, &one, &results), drawn(&plan, &one, &results[8..10]));
     let colour = |svg: &str| {
         svg.split_once(">depth = 5<")
             .map(|(before, _)| before.rfind("<polyline").map(|i| before[i..].to_owned()))
@@ -81,17 +86,17 @@ fn curves_look_the_same_in_every_figure() {
 fn the_integrator_has_its_long_name() {
     let plan = plan(&[("technique", words(&["bpt"]))], 1);
     let results = [done(0, &waves(0))];
-    let by = &figures(&plan, &spec(&["psnr"], Some("technique"), &[]), &results)[0];
+    let by = &drawn(&plan, &spec(&["psnr"], Some("technique"), &[]), &results)[0];
     assert_eq!(by.stem, "convergence");
     assert!(by.svg.contains(">bpt (backward path tracing)</text>") && by.svg.contains(">PSNR (dB)</text>"));
-    let none = &figures(&plan, &spec(&["psnr"], None, &[]), &results)[0];
+    let none = &drawn(&plan, &spec(&["psnr"], None, &[]), &results)[0];
     assert!(none.svg.contains(">bpt (backward path tracing)</text>"));
 }
 
 #[test]
 fn without_by_every_cell_is_a_curve_of_its_own() {
     let (plan, results) = night();
-    let svg = &figures(&plan, &spec(&["rmse"], None, &[]), &results)[0].svg;
+    let svg = &drawn(&plan, &spec(&["rmse"], None, &[]), &results)[0].svg;
     assert_eq!(count(svg, ">scene = box, depth = 9</text>"), 1);
     assert_eq!(count(svg, "<polyline"), 6 + 6);
 }
@@ -102,7 +107,7 @@ fn repeats_are_a_mean_with_its_interval_and_doubles_of_the_control_are_left_out(
     let falls = |from: f64| -> Vec<(f64, f64)> { (0..8).map(|k| (2f64.powi(k), from / 2f64.powi(k).sqrt())).collect() };
     let results: Vec<_> = [0.5, 1.0, 2.0, 3.0].iter().enumerate().map(|(i, from)| done(i, &falls(*from))).collect();
     let one = spec(&["rmse"], Some("depth"), &[]);
-    let figure = figures(&plan, &one, &results).remove(0);
+    let figure = drawn(&plan, &one, &results).remove(0);
     let lines: Vec<Vec<&str>> = figure.csv.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(lines[0], ["depth", "metric", "x", "mean", "low", "high", "runs"]);
     let number = |text: &str| text.parse::<f64>().unwrap();
@@ -121,7 +126,7 @@ fn repeats_are_a_mean_with_its_interval_and_doubles_of_the_control_are_left_out(
 
     plan.cells[1].control = Some(0);
     plan.cells[2].control = Some(1);
-    let figure = figures(&plan, &one, &results).remove(0);
+    let figure = drawn(&plan, &one, &results).remove(0);
     assert_eq!(figure.csv.lines().filter(|line| line.starts_with("2,")).count(), 8, "one run of depth 2 is left");
 }
 
@@ -129,10 +134,10 @@ fn repeats_are_a_mean_with_its_interval_and_doubles_of_the_control_are_left_out(
 fn nothing_measured_gives_no_picture() {
     let (plan, _) = night();
     let one = spec(&["rmse"], Some("depth"), &["scene"]);
-    assert!(figures(&plan, &one, &[]).is_empty());
-    assert!(figures(&plan, &one, &[ended(0, Outcome::Interrupted)]).is_empty());
+    assert!(drawn(&plan, &one, &[]).is_empty());
+    assert!(drawn(&plan, &one, &[ended(0, Outcome::Interrupted)]).is_empty());
     let reference = CellResult { cell: CellRef::Reference(0), ..done(0, &waves(0)) };
-    assert!(figures(&plan, &one, &[reference]).is_empty());
+    assert!(drawn(&plan, &one, &[reference]).is_empty());
 }
 
 #[test]
@@ -140,13 +145,13 @@ fn values_without_a_place_are_skipped() {
     let (plan, _) = night();
     let one = spec(&["rmse", "psnr"], Some("depth"), &["scene"]);
     let broken = [(0.0, 0.5), (1.0, 0.0), (2.0, f64::NAN), (4.0, f64::INFINITY)];
-    let svg = &figures(&plan, &one, &[done(0, &broken)])[0].svg;
+    let svg = &drawn(&plan, &one, &[done(0, &broken)])[0].svg;
     assert!(svg.contains("no value can be drawn"));
     assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
     // One drawable point is a marker without a line.
-    let svg = &figures(&plan, &spec(&["rmse"], Some("depth"), &[]), &[done(0, &[(1.0, 0.5), (2.0, f64::NAN)])])[0].svg;
+    let svg = &drawn(&plan, &spec(&["rmse"], Some("depth"), &[]), &[done(0, &[(1.0, 0.5), (2.0, f64::NAN)])])[0].svg;
     assert_eq!((count(svg, "<polyline"), count(svg, "<circle")), (1, 2));
-    let missing = figures(&plan, &spec(&["flop"], None, &[]), &[done(0, &waves(0))]);
+    let missing = drawn(&plan, &spec(&["flop"], None, &[]), &[done(0, &waves(0))]);
     assert!(missing[0].svg.contains("none of the figure's metrics is measured"));
 }
 
@@ -164,11 +169,43 @@ fn stems_stay_unique_and_harmless() {
 fn figures_are_drawable_and_deterministic() {
     let (plan, results) = night();
     let one = spec(&["rmse", "ssim", "psnr"], Some("depth"), &["scene"]);
-    let (first, second) = (figures(&plan, &one, &results), figures(&plan, &one, &results));
+    let (first, second) = (drawn(&plan, &one, &results), drawn(&plan, &one, &results));
     assert_eq!(first, second);
     let png = rasterize(&first[0].svg).unwrap();
     assert_eq!(png, rasterize(&first[0].svg).unwrap());
     let picture = image::load_from_memory(&png).unwrap().to_rgb8();
     let coloured = picture.pixels().filter(|p| p.0.iter().max().unwrap() - p.0.iter().min().unwrap() > 60).count();
     assert!(coloured > 2000, "only {coloured} pixels have a colour");
+}
+
+#[test]
+fn times_of_several_devices_never_share_an_axis() {
+    let (plan, results) = night();
+    let by = spec(&["rmse"], Some("depth"), &["scene"]);
+    // Every second pair of repeats on another machine, whose processor the script did not choose.
+    let name = |r: &CellResult| match r.cell {
+        CellRef::Cell(i) => Some(if i / 2 % 2 == 0 { "a lens" } else { "a prism" }.to_owned()),
+        CellRef::Reference(_) => None,
+    };
+    let devices = Devices::new(&plan, &results, name);
+    let stems = |spec: &FigureSpec| -> Vec<String> {
+        figures(&plan, spec, &results, &devices).into_iter().map(|figure| figure.stem).collect()
+    };
+    let apart = stems(&by);
+    assert_eq!(apart.len(), 4, "{apart:?}");
+    assert!(apart.contains(&"convergence_scene=box_device=a_lens".to_owned()), "{apart:?}");
+    let figure = &figures(&plan, &by, &results, &devices)[0];
+    assert!(figure.svg.contains(">night: scene = box, device = a lens</text>"), "{}", figure.svg);
+    assert_eq!(count(&figure.svg, "<polyline"), 2 + 2, "two of the three depths, and their samples in the legend");
+    // Samples are the same everywhere, and so are the times of one device.
+    assert_eq!(stems(&FigureSpec { x: FigureX::Samples, ..by.clone() }).len(), 2);
+    let one = Devices::new(&plan, &results, |_| Some("a lens".to_owned()));
+    assert_eq!(figures(&plan, &by, &results, &one), drawn(&plan, &by, &results));
+    // A script that sweeps backends has asked for what their devices differ by.
+    let mut asked = plan.clone();
+    for (i, cell) in asked.cells.iter_mut().enumerate().filter(|(i, _)| i / 2 % 2 == 1) {
+        let backend = format!("vulkan-{}", i / 2 % 2);
+        cell.config = std::sync::Arc::new(crate::experiment::CellConfig { backend, ..(*cell.config).clone() });
+    }
+    assert_eq!(figures(&asked, &by, &results, &Devices::new(&asked, &results, name)).len(), 2);
 }

@@ -167,7 +167,7 @@ impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
         self.timed = OnceLock::new();
-        let first = self.own.samples;
+        let first = self.job.first_sample + self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
         let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, times, pool, .. } = self;
         let settings = Settings::new(&job.params);

@@ -94,6 +94,8 @@ struct Peer {
     /// The exported scene and what is exchanged; removed in the end.
     folder: tempfile::TempDir,
     seed: u64,
+    /// Index of the first sample of the film.
+    first_sample: u64,
     sums: Sums,
     open_stats: OpenStats,
 }
@@ -128,6 +130,7 @@ impl Peer {
             answers: BufReader::new(answers),
             folder,
             seed: job.seed,
+            first_sample: job.first_sample,
             sums: Sums::new(width, height),
             open_stats: OpenStats::default(),
         };
@@ -156,7 +159,8 @@ impl Peer {
     /// The picture of so many samples, and the seconds that they took.
     fn ask(&mut self, samples: u64) -> Result<(Image, f64), RenderError> {
         let file = self.folder.path().join("wave.exr");
-        let question = format!("{samples} {} {}\n", wave_seed(self.seed, self.sums.film.samples), file.display());
+        let seed = wave_seed(self.seed, self.first_sample + self.sums.film.samples);
+        let question = format!("{samples} {seed} {}\n", file.display());
         // If it has ended, its last words are in the answer.
         let _ = self.questions.write_all(question.as_bytes()).and_then(|()| self.questions.flush());
         let answer = self.answer()?;

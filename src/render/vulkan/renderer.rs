@@ -41,6 +41,8 @@ pub struct VulkanRenderer {
     device: Arc<Device>,
     pace: Pace,
     film: Film,
+    /// Index of the first sample of the film.
+    first_sample: u64,
     open_stats: OpenStats,
     /// Whether some sample was refused so far.
     refused: bool,
@@ -166,6 +168,7 @@ impl VulkanRenderer {
             device: Arc::clone(device),
             pace: Pace::default(),
             film: Film::new(job.resolution[0], job.resolution[1]),
+            first_sample: job.first_sample,
             open_stats: OpenStats {
                 upload_s,
                 pipeline_s,
@@ -195,7 +198,7 @@ impl VulkanRenderer {
                         // The same rows may come again.
                         self.device.barrier_to_shaders(commands);
                     }
-                    let first = self.film.samples + part.done;
+                    let first = self.first_sample + self.film.samples + part.done;
                     let (first_sample, rows) = ([first as u32, (first >> 32) as u32], part.rows);
                     let wave = Wave { first_sample, samples: part.samples, first_row: part.row, rows };
                     self.program.dispatch(commands, &self.bindings, size[0], &wave);

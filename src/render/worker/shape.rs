@@ -257,7 +257,7 @@ impl Wire for Job {
     fn put(&self, to: &mut Vec<u8>) {
         // A device builds its hierarchy as it likes.
         let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing, accel: _, .. } = self;
-        let Job { sampler, seed, threads, .. } = self;
+        let Job { sampler, seed, first_sample, threads, .. } = self;
         integrator.name.to_owned().put(to);
         params.put(to);
         resolution.put(to);
@@ -268,6 +268,7 @@ impl Wire for Job {
         timing.put(to);
         sampler.name.to_owned().put(to);
         seed.put(to);
+        first_sample.put(to);
         threads.put(to);
     }
 
@@ -284,6 +285,7 @@ impl Wire for Job {
             accel: AccelSpec::default(),
             sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
             seed: Wire::take(from)?,
+            first_sample: Wire::take(from)?,
             threads: Wire::take(from)?,
         })
     }

@@ -4,6 +4,7 @@
 //! anything is read, and nothing is allocated that the size of a file does not justify.
 
 mod bare;
+pub mod files;
 mod folder;
 mod gltf;
 mod images;
@@ -172,6 +173,7 @@ fn open(path: &Path) -> Result<File, SceneError> {
     if !meta.is_file() {
         return Err(unreadable(path, "it is not a regular file"));
     }
+    files::note(path);
     File::open(path).map_err(|e| unreadable(path, e))
 }
 

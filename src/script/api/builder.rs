@@ -60,6 +60,8 @@ pub enum Reference {
         stop: Stop,
         /// What it is compared with.
         agree: Option<Agree>,
+        /// In how many parts it is rendered.
+        parts: u32,
         /// Where.
         place: Place,
     },

@@ -122,6 +122,13 @@ pub const REFERENCE: Table = Table {
             doc: "a second technique that the reference is compared with, block by block",
         },
         Field {
+            key: "parts",
+            ty: Ty::Int { min: 1, max: 4096 },
+            required: false,
+            default: "1",
+            doc: "how many ranges of samples it is divided into, which workers render at the same time; for `stop.samples` alone",
+        },
+        Field {
             key: "image",
             ty: Ty::Object("string|fun(p: Point): string"),
             required: false,
@@ -317,6 +324,9 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
         (Some(_), None) if from.is_some() => {
             return fail("from", "an image is finished; it has no `from`".to_owned(), None);
         }
+        (Some(_), None) if fields.values.contains_key("parts") => {
+            return fail("parts", "an image is finished; it has no `parts`".to_owned(), None);
+        }
         (None, _) if fields.values.contains_key("source") => {
             return fail("source", "it says who made an `image`, and there is none".to_owned(), None);
         }
@@ -349,7 +359,8 @@ fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scri
                 }
             };
             let agree = fields.values.get("agree").and_then(Value::as_map).map(agree_of);
-            Reference::Render { from, stop, agree, place: args.place.clone() }
+            let parts = fields.values.get("parts").and_then(Value::as_i64).and_then(|n| u32::try_from(n).ok());
+            Reference::Render { from, stop, agree, parts: parts.unwrap_or(1), place: args.place.clone() }
         }
     };
     let mut builder = shared.builder.borrow_mut();

@@ -18,115 +18,15 @@ use std::time::{Duration, Instant, SystemTime};
 use serde_json::Value as Json;
 
 use super::archive::{self, Decode, read_json};
-use super::crew::{Doing, Worker, crew};
+use super::crew::{Doing, crew};
 use super::journals::{self, Journals};
+use super::seen::{Seen, Sight};
 use super::{StoreError, layout, list, outline, seconds_of};
 use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
-use crate::experiment::{CellConfig, CellRef, Outcome, Outline, WaveRow};
+use crate::experiment::{CellRef, Outcome, Outline, WaveRow};
 use crate::film::Image;
-use crate::film::time::TimeAxis;
-use crate::render::OpenStats;
 use run::Run;
-
-/// Something that a follower saw.
-#[derive(Clone, Debug)]
-pub enum Seen {
-    /// A night began in this folder; what earlier nights left is still there.
-    Began,
-    /// A run started.
-    Started {
-        /// Which.
-        cell: CellRef,
-        /// What it renders, as far as its folder says.
-        config: Option<Box<CellConfig>>,
-        /// What opening it cost.
-        open: OpenStats,
-        /// The image that it is measured against, if it is there.
-        reference: Option<Arc<Image>>,
-    },
-    /// A run renders beside the one that is shown.
-    Underway {
-        /// Which.
-        cell: CellRef,
-    },
-    /// The workers of the night, all of them, when one or more were looked at.
-    Crew(Vec<Worker>),
-    /// It was measured; metrics are in the order of the outline.
-    Measured {
-        /// Which.
-        cell: CellRef,
-        /// The measurement.
-        row: WaveRow,
-    },
-    /// There is a newer picture of it.
-    Pictured {
-        /// Which.
-        cell: CellRef,
-        /// The picture.
-        image: Arc<Image>,
-    },
-    /// A film that it kept of one strategy.
-    Strategy {
-        /// Which.
-        cell: CellRef,
-        /// Vertices from the light.
-        s: u32,
-        /// Vertices from the camera.
-        t: u32,
-        /// Whether it is weighted against the others.
-        weighted: bool,
-        /// The film.
-        image: Arc<Image>,
-    },
-    /// It left its light by time.
-    Timed {
-        /// Which.
-        cell: CellRef,
-        /// The array of mean radiance, [row][column][bin][rgb].
-        file: PathBuf,
-        /// The bins.
-        axis: TimeAxis,
-    },
-    /// It ended, or was found to have ended.
-    Ended {
-        /// Which.
-        cell: CellRef,
-        /// How.
-        outcome: Outcome,
-        /// Its last measurement, if it is known.
-        last: Option<WaveRow>,
-    },
-    /// A line for people.
-    Said {
-        /// Importance.
-        level: Level,
-        /// The run it is about, if any.
-        cell: Option<CellRef>,
-        /// The line.
-        text: String,
-    },
-    /// A reference was compared with the same picture by a second technique.
-    Compared {
-        /// Its place in the plan.
-        reference: usize,
-        /// Whether they agree.
-        agrees: bool,
-    },
-    /// What is left of the night was reckoned.
-    Foretold(Forecast),
-    /// The night is over.
-    Over,
-}
-
-/// Something seen, and when it happened, in seconds since 1970.
-#[derive(Clone, Debug)]
-pub struct Sight {
-    /// When it happened.
-    pub at_s: f64,
-    /// What.
-    pub seen: Seen,
-}
 
 /// How often workers are looked at.
 const ROLL_CALL: Duration = Duration::from_secs(2);
@@ -273,7 +173,12 @@ impl Follower {
         let workers = crew(&self.folder);
         let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
         for worker in workers.iter().filter(|worker| worker.is_lost()) {
-            if !matches!(worker.doing, Doing::Rendering { .. }) || !self.lost.insert(worker.name.clone()) {
+            let Doing::Rendering { run, path } = &worker.doing else { continue };
+            if self.underway.remove(&part_key(run, path)).is_some() {
+                self.rest(run);
+                continue;
+            }
+            if !self.lost.insert(worker.name.clone()) {
                 continue;
             }
             let left = self.underway.iter().filter(|(_, line)| journals::worker(line) == worker.name);
@@ -301,6 +206,12 @@ impl Follower {
         let of_it = |line: &&Json| journals::worker(line) == worker && !at_hand(line);
         let lines: Vec<Json> = self.underway.values().filter(of_it).cloned().collect();
         lines.iter().for_each(|line| self.show(line, sights));
+    }
+
+    /// What is shown of a run renders no more.
+    fn rest(&mut self, id: &str) {
+        let which = self.ids.get(id).map_or(&[][..], Vec::as_slice);
+        self.runs.iter_mut().filter(|run| which.contains(&run.cell)).for_each(|run| run.running = false);
     }
 
     /// Shows a run that started, and those that still render.
@@ -356,6 +267,21 @@ impl Follower {
                         self.show_all(journals::worker(line), sights);
                     }
                 } else if self.journals.has_workers() {
+                    which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
+                }
+            }
+            "part_started" => {
+                self.underway.insert(part_key(id, line["words"].as_str().unwrap_or_default()), line.clone());
+                part_of(line, &which, None).into_iter().for_each(&mut see);
+                which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
+            }
+            "part_finished" => {
+                let there = line["part"].as_u64().filter(|_| line["outcome"] == "done");
+                part_of(line, &which, there).into_iter().for_each(&mut see);
+                self.underway.remove(&part_key(id, line["words"].as_str().unwrap_or_default()));
+                self.rest(id);
+                let prefix = part_key(id, "");
+                if self.underway.keys().any(|key| key.starts_with(&prefix)) {
                     which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
                 }
             }
@@ -497,6 +423,22 @@ impl Follower {
             run.look(&self.outline, self.decode, &mut |seen| sights.push(Sight { at_s, seen }));
         }
     }
+}
+
+/// A line about a part of a reference as it is seen.
+fn part_of(line: &Json, which: &[CellRef], there: Option<u64>) -> Vec<Seen> {
+    let Some(of) = line["of"].as_u64().and_then(|n| usize::try_from(n).ok()) else { return Vec::new() };
+    let there = there.and_then(|n| usize::try_from(n).ok());
+    let one = |cell: &CellRef| match cell {
+        CellRef::Reference(reference) => Some(Seen::Part { reference: *reference, there, of }),
+        CellRef::Cell(_) => None,
+    };
+    which.iter().filter_map(one).collect()
+}
+
+/// What a part of a reference is known by while it renders.
+fn part_key(run: &str, words: &str) -> String {
+    format!("{run} {words}")
 }
 
 /// A forecast as the journal tells it.

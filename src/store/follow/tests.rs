@@ -33,6 +33,7 @@ fn seen(follower: &mut Follower) -> Vec<String> {
         Seen::Strategy { .. } => "a film".to_owned(),
         Seen::Timed { cell, axis, .. } => format!("{cell:?} has {} bins", axis.bins),
         Seen::Underway { cell } => format!("{cell:?} too"),
+        Seen::Part { reference, there, of } => format!("part {there:?} of {of} of reference {reference}"),
         Seen::Crew(workers) => format!("{} workers", workers.iter().filter(|w| w.is_here()).count()),
     };
     follower.look().into_iter().map(|sight| words(sight.seen)).collect()
@@ -117,8 +118,8 @@ fn workers_are_followed_by_their_own_journals() {
     let (a, b) = (join(), join());
     a.journal("night_started", &json!({})).unwrap();
     b.journal("night_started", &json!({})).unwrap();
-    assert_eq!(a.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
-    assert!(matches!(b.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
+    assert_eq!(a.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Ours);
+    assert!(matches!(b.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Theirs(_)));
     a.start(&plan, CellRef::Cell(0), None).unwrap();
     tell(&a, &plan, "cell_started", 0);
     b.start(&plan, CellRef::Cell(1), None).unwrap();
@@ -128,7 +129,7 @@ fn workers_are_followed_by_their_own_journals() {
     assert_eq!(seen_of_cells(&mut follower), ["Cell(1) too"], "the one that is shown stays");
     finish_run(&a, &plan, 0);
     tell(&a, &plan, "cell_finished", 0);
-    a.release(&plan, CellRef::Cell(0));
+    a.release(&plan, CellRef::Cell(0).into());
     assert_eq!(
         seen_of_cells(&mut follower),
         ["Cell(0) Done(\"\") after Some(4)", "Cell(1) starts bpt on mock"],
@@ -138,7 +139,7 @@ fn workers_are_followed_by_their_own_journals() {
     assert!(matches!(b.settled(&plan, CellRef::Cell(0)), Some(Settled::Done(_))));
     assert_eq!(b.settled(&plan, CellRef::Cell(2)), None);
     b.fail(&plan, CellRef::Cell(2), "no lens").unwrap();
-    b.release(&plan, CellRef::Cell(2));
+    b.release(&plan, CellRef::Cell(2).into());
     assert_eq!(join().settled(&plan, CellRef::Cell(2)), Some(Settled::Failed("no lens".to_owned())));
     let stock = a.take_stock(&plan);
     assert_eq!((stock.done.len(), stock.failed.len(), stock.open), (1, 1, 2), "a cell and the reference are open");

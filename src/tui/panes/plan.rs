@@ -228,7 +228,10 @@ impl<'m> Table<'m> {
             spans.push(Span::styled(words::fit(reason, room, self.view.look.glyphs().ellipsis), style));
             return Line::from(spans);
         }
-        let progress = matches!(entry.state, State::Running).then(|| self.progress(cell, entry)).flatten();
+        let progress = match self.model.parts_of(cell) {
+            Some((done, of)) => Some(format!("{done}/{of} parts")),
+            None => matches!(entry.state, State::Running).then(|| self.progress(cell, entry)).flatten(),
+        };
         let with_progress = progress.map(|percent| format!("{label}  {percent}"));
         let label = with_progress.filter(|text| words::width(text) <= self.label).unwrap_or(label);
         let mut line = self.padded(&label);
@@ -250,9 +253,12 @@ impl<'m> Table<'m> {
             CellRef::Cell(_) => name,
             CellRef::Reference(i) => {
                 let technique = name.split(' ').next().unwrap_or("");
+                // How many parts are there says more than its whole name.
+                let parts = self.model.parts_of(cell).map_or(0, |(done, of)| format!("  {done}/{of} parts").len());
+                let room = self.label.saturating_sub(parts);
                 let names =
                     [format!("reference {name}"), format!("reference {technique}"), format!("reference {}", i + 1)];
-                let fitting = names.iter().find(|name| words::width(name) <= self.label);
+                let fitting = names.iter().find(|name| words::width(name) <= room);
                 fitting.cloned().unwrap_or_else(|| format!("ref {}", i + 1))
             }
         }

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::night::{self, Teller, in_the_middle};
 use super::screens::{RICH, screen};
 use crate::experiment::event::Level;
+use crate::experiment::parts::Part;
 use crate::experiment::{CellRef, Event, Outcome};
 use crate::render::OpenStats;
 use crate::tui::curve::CAPACITY;
@@ -20,13 +21,16 @@ fn any_cell() -> impl Strategy<Value = CellRef> {
     prop_oneof![(0usize..6).prop_map(CellRef::Cell), (0usize..2).prop_map(CellRef::Reference)]
 }
 
-fn any_event() -> impl Strategy<Value = Event> {
-    let outcome = prop_oneof![
+fn any_outcome() -> impl Strategy<Value = Outcome> {
+    prop_oneof![
         Just(Outcome::Done("64 spp".to_owned())),
         Just(Outcome::Cached(PathBuf::from("out"))),
         Just(Outcome::Failed("why\nnot".to_owned())),
         Just(Outcome::Interrupted),
-    ];
+    ]
+}
+
+fn any_event() -> impl Strategy<Value = Event> {
     let number = prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(0.0), Just(-1.0), 1e-9f64..1e3];
     let rows = (0u32..40, proptest::collection::vec(number, 0..5));
     prop_oneof![
@@ -37,12 +41,19 @@ fn any_event() -> impl Strategy<Value = Event> {
             row.metrics = metrics;
             Event::Wave { cell, row, measure_s: 0.0, image: night::picture(1), pow2: k % 2 == 0 }
         }),
-        4 => (any_cell(), outcome, proptest::option::of(0u32..10)).prop_map(|(cell, outcome, last)| {
+        4 => (any_cell(), any_outcome(), proptest::option::of(0u32..10)).prop_map(|(cell, outcome, last)| {
             let rows = last.map_or_else(Vec::new, |k| vec![night::row(k)]);
             Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), times: None, rows: Arc::new(rows) }
         }),
         2 => (any_cell(), ".{0,30}").prop_map(|(cell, text)| {
             Event::Message { level: Level::Warn, cell: Some(cell), text }
+        }),
+        2 => (0usize..3, 1usize..4, any_outcome()).prop_map(|(reference, number, outcome)| {
+            let part = Part { reference, first: 0, end: 2, number, of: 3 };
+            match outcome {
+                Outcome::Cached(_) => Event::PartStarted { part, open: OpenStats::default(), resumed: None },
+                outcome => Event::PartFinished { part, outcome, last: None, kept: None },
+            }
         }),
         1 => Just(Event::NightFinished),
     ]

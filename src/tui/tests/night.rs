@@ -101,6 +101,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                 seeds: [2, 3],
                 stem: RunId("fe".to_owned()),
                 stop: StopRule::Time(20.0),
+                part: None,
             },
             identity: Value::Nil,
             agree: None,
@@ -119,6 +120,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         figures: Vec::new(),
         tables: Vec::new(),
         script_text: String::new(),
+        files: Default::default(),
     }
 }
 

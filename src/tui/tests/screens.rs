@@ -7,7 +7,10 @@ use std::sync::Arc;
 
 use super::night::{self, Teller, in_the_middle};
 use crate::experiment::event::Level;
-use crate::experiment::{CellRef, Outcome};
+use crate::experiment::parts::Part;
+use crate::experiment::{CellRef, Event, Outcome};
+use crate::render::OpenStats;
+use crate::tui::entry::State;
 use crate::tui::look::{Colors, Look};
 use crate::tui::model::Model;
 use crate::tui::panes;
@@ -104,7 +107,7 @@ fn invalid_samples_are_shown_with_their_place() {
     let mut row = night::row(8);
     (row.invalid, row.first_invalid) = (3, Some([17, 40, 129]));
     let image = night::picture(256);
-    let wave = crate::experiment::Event::Wave { cell: CellRef::Cell(2), row, measure_s: 0.0, image, pow2: true };
+    let wave = Event::Wave { cell: CellRef::Cell(2), row, measure_s: 0.0, image, pow2: true };
     model.hear(&wave, 70.0);
     assert_snapshot!("invalid-120", screen((120, 40), &model, &view(RICH, 70.0)));
 }
@@ -230,4 +233,29 @@ fn a_night_of_many_workers() {
     assert_snapshot!("workers-120", screen((120, 40), &model, &view(RICH, now_s)));
     model.crew((0..40).map(worker).collect());
     assert_snapshot!("workers-200", screen((200, 60), &model, &view(RICH, now_s)));
+}
+
+#[test]
+fn a_reference_in_parts_says_how_many_are_there() {
+    let mut model = Model::default();
+    let reference = CellRef::Reference(0);
+    model.hear(&Event::NightStarted { plan: night::plan() }, 0.0);
+    let part = |number| Part { reference: 0, first: 0, end: 8, number, of: 3 };
+    let started = |number| Event::PartStarted { part: part(number), open: OpenStats::default(), resumed: None };
+    let ended = |number, outcome| Event::PartFinished { part: part(number), outcome, last: None, kept: None };
+    model.hear(&started(1), 1.0);
+    assert_eq!(model.parts_of(reference), Some((0, 3)));
+    model.hear(&ended(1, Outcome::Done("8 spp".to_owned())), 2.0);
+    model.hear(&started(3), 2.0);
+    model.hear(&ended(3, Outcome::Interrupted), 3.0);
+    assert_eq!((model.parts_of(reference), &model.references[0].state), (Some((1, 3)), &State::Waiting));
+    let shown = |model: &Model| screen((200, 60), model, &view(RICH, 5.0));
+    assert!(shown(&model).contains("1/3 parts"), "{}", shown(&model));
+    // Once it is there, nobody asks how.
+    let rows = Arc::default();
+    let outcome = Outcome::Done("24 spp".to_owned());
+    let cell = reference;
+    model.hear(&Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), times: None, rows }, 4.0);
+    assert_eq!(model.parts_of(reference), None);
+    assert!(!shown(&model).contains("parts"));
 }
