@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{StoreError, checkpoint, sums, write};
+use super::{StoreError, checkpoint, sums};
 use crate::experiment::parts::Part;
 use crate::experiment::standing::Checkpoint;
 
@@ -106,13 +106,11 @@ pub(super) fn keep_joined(
         sums::keep(out, stem, &ground.standing, &state)?;
     }
     for part in parts {
-        let folder = folder(out, stem, part);
         // One that stays is of use to a longer reference at most.
-        let _ = fs::remove_file(folder.join(SUMS));
-        checkpoint::remove(&folder);
-        write::sweep_temporaries(&folder);
-        tidy(&folder);
+        let _ = fs::remove_dir_all(folder(out, stem, part));
     }
+    // A longer reference may have parts here.
+    let _ = fs::remove_dir(out.join("refs").join("parts").join(stem));
     Ok(())
 }
 
