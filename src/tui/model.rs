@@ -120,7 +120,7 @@ impl Model {
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
             Event::PartStarted { part, open, .. } => {
-                self.part(part.reference, None, part.of, at_s);
+                self.count_parts(part.reference, None, part.of);
                 self.start(CellRef::Reference(part.reference), open.clone(), None, at_s);
             }
             Event::PartFinished { part, outcome, .. } => {
@@ -274,11 +274,17 @@ impl Model {
         if entry.state == State::Running {
             *entry = Entry::default();
         }
-        let parts = self.parts.entry(reference).or_default();
-        parts.0.extend(there);
-        parts.1 = of;
+        self.count_parts(reference, there, of);
         if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
             current.running = false;
+        }
+    }
+
+    fn count_parts(&mut self, reference: usize, there: Option<usize>, of: usize) {
+        if reference < self.references.len() {
+            let parts = self.parts.entry(reference).or_default();
+            parts.0.extend(there);
+            parts.1 = of;
         }
     }
 

@@ -110,7 +110,8 @@ fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
 fn only_samples_can_be_divided() {
     let mut lab = lab(64);
     lab.reference = Box::new(move |_| {
-        let (config, stop) = (Box::new(config()), StopRule::Time(1.0));
+        let config = Box::new(CellConfig { resolution: Some([64, 48]), ..config() });
+        let stop = StopRule::Time(1.0);
         Ok(Some(ReferenceRequest::Render { config, stop, agree: None, parts: 4 }))
     });
     let said = lab.try_plan().unwrap_err().to_string();
