@@ -10,6 +10,8 @@ mod dependencies;
 mod documents;
 #[path = "laws/files.rs"]
 mod files;
+#[path = "laws/formats.rs"]
+mod formats;
 #[path = "laws/imports.rs"]
 mod imports;
 #[path = "laws/source.rs"]

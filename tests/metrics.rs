@@ -6,6 +6,5 @@
 mod golden;
 #[path = "metrics/laws.rs"]
 mod laws;
-#[cfg(feature = "flip-oracle")]
 #[path = "metrics/oracle.rs"]
 mod oracle;

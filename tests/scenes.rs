@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
 
+mod common;
+
 #[path = "scenes/builtin.rs"]
 mod builtin;
 #[path = "scenes/damaged.rs"]
@@ -22,6 +24,8 @@ mod mitsuba;
 mod mitsuba_damaged;
 #[path = "scenes/obj.rs"]
 mod obj;
+#[path = "scenes/ply.rs"]
+mod ply;
 #[path = "scenes/scn.rs"]
 mod scn;
 #[path = "scenes/textures.rs"]

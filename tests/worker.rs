@@ -102,6 +102,8 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         clearcoat: 0.5,
         base_color_texture: map,
         normal_texture: map,
+        bump_texture: map,
+        bump_height: 0.25,
         tiling: UvMap { scale: 2.0, offset: Vec2::new(0.25, 0.5) },
         shadow_terminator: true,
         ..grey(0.8)
@@ -122,6 +124,7 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         .environment(Some(sky), Vec3::splat(0.3), 30.0)
         .with(|s| {
             (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(2.5));
+            s.colors = (0..s.triangles.len()).map(|i| [Vec3::X, Vec3::splat(0.1 * i as f32), Vec3::ONE]).collect();
             s.tangents =
                 vec![[Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.6, 0.0, -1.0), Vec4::X]; s.triangles.len()];
             // The first material is made of two parts, one of them delayed twice.

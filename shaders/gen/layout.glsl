@@ -86,6 +86,7 @@ struct Material {
     float clearcoat_gloss; // Gloss of the clear coat.
     float smooth_below; // Roughness below which specular lobes are Dirac lobes.
     float normal_strength; // Factor on the slope of the normal map.
+    float bump_height; // How far 1 in the bump map stands out, in scene units.
     float mask_threshold; // Mask values below this are holes.
     uint mask_mode; // MASK_THRESHOLD or MASK_BLEND.
     uint shadow_terminator; // 1 where paths leave opaque triangles from the surface that their normals suggest, else 0.
@@ -97,6 +98,7 @@ struct Material {
     uint opacity_texture; // Texture whose red channel replaces `opacity`, or NONE.
     uint anisotropic_texture; // Texture of directions in the tangent frame, or NONE.
     uint normal_texture; // Normal map, or NONE.
+    uint bump_texture; // Texture whose red channel is a height, or NONE.
     float tiling_scale; // Factor from texture coordinates to places in the textures.
     vec2 tiling_offset; // Offset of the same, in repeats.
     uint emitter_reflects; // 1 where the surface of a light also reflects, else 0.
@@ -229,6 +231,7 @@ struct Job {
     uint triangle_count; // Number of triangles: primitive ids from here on are spheres.
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.
+    uint first_color; // First of three texels for each triangle that multiply base colours at its corners, or NONE.
     uint light_count; // Number of lights.
     uvec3 light_first; // Index of the first point, direction, environment among the lights.
     uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.

@@ -9,7 +9,7 @@
 #include "transport/light/types.glsl"
 #include "transport/ray.glsl"
 
-// A normal from a normal map that points behind the real surface is tilted until its cosine with it is this.
+// A normal from a normal or bump map that points behind the real surface is tilted until its cosine with it is this.
 const float GRAZING_COSINE = 1e-3;
 
 // The smooth surface that corner normals suggest above a point of a triangle; fields as in Rust, and whether there is one.
@@ -30,6 +30,7 @@ struct Surface {
     vec3 n_shading;
     vec3 tangent;
     vec2 uv;
+    vec3 tint;
     uint material;
     uint emitter;
     Overhang overhang;
@@ -151,6 +152,44 @@ Overhang find_overhang(Surface s, Ray ray, Hit hit) {
     return Overhang(true, s.position, offset_origin(s.position + lift, up), up, false);
 }
 
+// A unit normal, tilted until it is in front of the triangle.
+vec3 surface_in_front(Surface s, vec3 n) {
+    float behind = dot(n, s.n_geometric) - GRAZING_COSINE;
+    return behind < 0.0 ? normalize_or(n - s.n_geometric * behind, s.n_geometric) : n;
+}
+
+// Tilts the normal by the slopes of the bump map: see Rust.
+void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
+    uint bump_map = materials[s.material].bump_texture;
+    vec2 place = s.uv * materials[s.material].tiling_scale + materials[s.material].tiling_offset;
+    vec2 texel = 1.0 / vec2(textures[bump_map].width, textures[bump_map].height);
+    vec2 slopes = vec2(0.0);
+    // One call of the look-up, for the sake of compilers.
+    for (int i = 0; i < 4; ++i) {
+        float side = (i & 1) == 0 ? 1.0 : -1.0;
+        vec2 along = i < 2 ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
+        slopes += along * (side * texture_bilinear(bump_map, place + along * texel * (0.5 * side)).x);
+    }
+    slopes = slopes / texel * (materials[s.material].tiling_scale * materials[s.material].bump_height);
+    vec3 first, second;
+    vec2 rises = slopes;
+    if (hit.primitive < job.triangle_count) {
+        Triangle corners = triangle_corners(hit.primitive, hit.instance);
+        TriangleAttributes a = attributes[hit.primitive];
+        first = corners.b - corners.a;
+        second = corners.c - corners.a;
+        rises = vec2(dot(slopes, a.tb - a.ta), dot(slopes, a.tc - a.ta));
+    } else {
+        float along = spheres[hit.primitive - job.triangle_count].radius * PI;
+        vec3 east = vec3(smooth_normal.z, 0.0, -smooth_normal.x);
+        first = east * (2.0 * along);
+        second = cross(smooth_normal, normalize_or(east, vec3(0.0))) * along;
+    }
+    vec3 gradient = cross(second * rises.x - first * rises.y, smooth_normal) / dot(smooth_normal, cross(first, second));
+    vec3 n = s.n_shading - gradient * max(dot(s.n_shading, smooth_normal), 0.0);
+    s.n_shading = surface_in_front(s, normalize_or(n, s.n_shading));
+}
+
 // Applies the normal map and finds the direction of anisotropy.
 void surface_orient(inout Surface s, Hit hit) {
     // MikkTSpace decodes with interpolated vectors that are not made unit vectors again.
@@ -173,8 +212,7 @@ void surface_orient(inout Surface s, Hit hit) {
         vec3 texel = lookup(normal_map, s.uv, s.material) * 2.0 - 1.0;
         texel.xy *= materials[s.material].normal_strength;
         vec3 n = normalize_or(u_axis * texel.x + v_axis * texel.y + n_axis * texel.z, s.n_shading);
-        float behind = dot(n, s.n_geometric) - GRAZING_COSINE;
-        s.n_shading = behind < 0.0 ? normalize_or(n - s.n_geometric * behind, s.n_geometric) : n;
+        s.n_shading = surface_in_front(s, n);
     }
     uint directions = materials[s.material].anisotropic_texture;
     if (directions != NONE) {
@@ -192,6 +230,15 @@ bool uses_tangents(uint material) {
     return stretched || materials[material].normal_texture != NONE;
 }
 
+// What multiplies the base colour at barycentric coordinates of a triangle.
+vec3 tint_at(uint primitive, vec2 uv) {
+    if (job.first_color == NONE) {
+        return vec3(1.0);
+    }
+    uint first = job.first_color + 3u * primitive;
+    return texels[first] * (1.0 - uv.x - uv.y) + texels[first + 1u] * uv.x + texels[first + 2u] * uv.y;
+}
+
 // The surface at a hit of `ray` with the material of this row.
 Surface surface_of_material(Ray ray, Hit hit, uint material) {
     Surface s;
@@ -206,6 +253,7 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
         s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
         s.n_shading = normalize_or(a.na * weights.x + a.nb * weights.y + a.nc * weights.z, s.n_geometric);
         s.uv = a.ta * weights.x + a.tb * weights.y + a.tc * weights.z;
+        s.tint = tint_at(hit.primitive, hit.uv);
         s.emitter = emitter_of(hit.primitive, hit.instance);
         if (materials[s.material].shadow_terminator != 0u) {
             s.overhang = find_overhang(s, ray, hit);
@@ -217,10 +265,15 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
         s.n_geometric = n;
         s.n_shading = n;
         s.uv = sphere_uv(n);
+        s.tint = vec3(1.0);
         s.emitter = ball.emitter;
     }
+    vec3 smooth_normal = s.n_shading;
     if (uses_tangents(s.material)) {
         surface_orient(s, hit);
+    }
+    if (materials[s.material].bump_texture != NONE) {
+        surface_emboss(s, hit, smooth_normal);
     }
     return s;
 }
@@ -256,7 +309,7 @@ vec3 surface_emitted(Surface s, vec3 wo) {
 
 // The base colour here.
 vec3 surface_base_color(Surface s) {
-    return materials[s.material].base_color * lookup(materials[s.material].base_color_texture, s.uv, s.material);
+    return materials[s.material].base_color * s.tint * lookup(materials[s.material].base_color_texture, s.uv, s.material);
 }
 
 // Whether a path that hits this surface ends there: a light that does not reflect.

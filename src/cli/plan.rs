@@ -14,6 +14,7 @@ use super::text;
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::floors::floors;
 use crate::experiment::forecast::{Forecast, Kind, Pace, Paces, forecast};
+use crate::experiment::memory;
 use crate::experiment::plan::{Estimate, ReferenceSource, unreachable};
 use crate::experiment::spec::Order;
 use crate::experiment::{Cell, CellRef, Plan, StopRule};
@@ -69,6 +70,14 @@ struct Ahead {
     reach: Vec<String>,
 }
 
+impl Ahead {
+    /// What is to be rendered in turns and does not fit into this machine's memory.
+    fn crowded(&self) -> Option<String> {
+        let [_, all] = memory::machine()?;
+        memory::refusal(self.estimate.heat_runs, self.estimate.heat_bytes, all)
+    }
+}
+
 /// How fast the runs were that are there: those of this plan, and those of all other nights.
 fn paces(plan: &Plan, runs: &[Option<FinishedRun>], out: &Path) -> Paces {
     let mut paces = archived_paces(out);
@@ -106,6 +115,7 @@ fn with_states(plan: &Plan, cells: &[Option<String>], references: &[Option<Strin
         "runs_by_time": estimate.by_time, "seconds": estimate.seconds,
         "runs_by_samples": estimate.by_samples, "paths": estimate.paths,
         "runs_without_limit": estimate.unbounded, "layer_bytes": estimate.layer_bytes,
+        "heat_runs": estimate.heat_runs, "heat_bytes": estimate.heat_bytes,
     });
     json
 }
@@ -196,7 +206,12 @@ fn page(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], ah
         Order::Sequential => {}
         Order::Shuffled => out += "order: shuffled\n",
         Order::Interleave => {
-            let _ = writeln!(out, "order: {}, of up to {most} runs that take turns", counted(heats.len(), "heat"));
+            let heats = counted(heats.len(), "heat");
+            let _ = write!(out, "order: {heats}, of up to {most} runs that take turns");
+            if estimate.heat_bytes > 0 {
+                let _ = write!(out, " and are in memory together: up to {}", text::size(estimate.heat_bytes));
+            }
+            out.push('\n');
         }
     }
     if let Some(warmup) = plan.night.warmup {
@@ -209,7 +224,8 @@ fn page(plan: &Plan, cells: &[Option<String>], references: &[Option<String>], ah
     for note in &plan.notes {
         let _ = writeln!(out, "note: {note}");
     }
-    for warning in plan.warnings.iter().chain(reach) {
+    let crowded = ahead.crowded();
+    for warning in plan.warnings.iter().chain(reach).chain(&crowded) {
         let _ = writeln!(out, "warning: {warning}");
     }
     out

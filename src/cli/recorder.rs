@@ -411,6 +411,8 @@ impl Sink for Recorder<'_> {
                 self.floors.insert(*reference, Arc::clone(floors));
                 Ok(())
             }
+            // The bins of a run that is done are kept with its end.
+            Event::Times { .. } => Ok(()),
             Event::Agreement { reference, with, found } => self.agreement(*reference, *with, found),
             Event::Halves { reference, halves } => self.halves(*reference, halves),
             Event::CellFinished { cell, outcome, film, layers, times, rows } => {

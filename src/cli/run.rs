@@ -92,6 +92,7 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         only: only_failed.then_some(failed),
         paces: if todo.is_empty() { Paces::default() } else { archived_paces(&global.out) },
         done: todo.done.clone(),
+        memory: None,
         begin: None,
     };
     let Ended { night, exit, told } = render_night(script, plan, &store, global, log, &todo, options)?;

@@ -7,6 +7,7 @@ use serde_json::Value as Json;
 use super::args::{Global, ViewArgs};
 use super::exit::{Exit, Failure, data};
 use super::load::shown;
+use crate::film::time::CUBE_FILE;
 use crate::output::time::{self, Curve, Movie, TimeFile};
 use crate::output::{exr, png};
 use crate::store::{FILMS, read_run};
@@ -89,7 +90,7 @@ fn movie(folder: &Path, config: &Json) -> Result<Movie, String> {
     let film = Value::from_json(&config["render"]["film"]);
     let timing = film.as_map().map_or(Ok(None), |film| Timing::from_film(film, "film")).map_err(|e| e.to_string())?;
     let timing = timing.ok_or_else(|| format!("{} has no time axis: `film = {{ time = .. }}`", folder.display()))?;
-    let path = folder.join(FILMS).join("time-cube.npy");
+    let path = folder.join(FILMS).join(CUBE_FILE);
     let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let (shape, numbers) = time::read_array(&bytes).map_err(|e| format!("{}: {e}", path.display()))?;
     let [height, width, bins, 3] = shape[..] else { return Err(format!("{}: it has another shape", path.display())) };

@@ -125,6 +125,14 @@ pub enum Event {
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
     },
+    /// The light by time so far of a run whose film has a time axis, where somebody shows it and it is small enough to be
+    /// copied: told after waves that have doubled its samples. See [`Sink::shows_times`].
+    Times {
+        /// Which.
+        cell: CellRef,
+        /// The light.
+        times: Arc<TimeCube>,
+    },
     /// A reference was compared with the same picture by a second technique; see [`Plan::references`].
     Agreement {
         /// Index of the reference.
@@ -176,9 +184,10 @@ impl Event {
     /// The cell or reference that it is about, if it is about one.
     pub fn cell(&self) -> Option<CellRef> {
         match self {
-            Event::CellStarted { cell, .. } | Event::Wave { cell, .. } | Event::CellFinished { cell, .. } => {
-                Some(*cell)
-            }
+            Event::CellStarted { cell, .. }
+            | Event::Wave { cell, .. }
+            | Event::Times { cell, .. }
+            | Event::CellFinished { cell, .. } => Some(*cell),
             Event::Floors { reference, .. } | Event::Agreement { reference, .. } | Event::Halves { reference, .. } => {
                 Some(CellRef::Reference(*reference))
             }
@@ -200,6 +209,11 @@ pub trait Sink {
     /// # Errors
     /// When a result could not be recorded; the cell then counts as failed.
     fn hear(&mut self, event: &Event) -> Result<(), SinkError>;
+
+    /// Whether it wants to hear [`Event::Times`], which costs a copy of all bins.
+    fn shows_times(&self) -> bool {
+        false
+    }
 }
 
 /// Writes the state of a renderer, and says whether it could: [`Renderer::save`](crate::render::Renderer::save).

@@ -10,6 +10,7 @@ pub mod evidence;
 pub mod floors;
 pub mod forecast;
 pub mod groups;
+pub mod memory;
 pub mod outline;
 pub mod plan;
 pub mod run;

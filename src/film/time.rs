@@ -7,6 +7,9 @@
 
 use super::Image;
 
+/// The file in which a run leaves the mean radiance of every bin, an array of NumPy: [row][column][bin][rgb].
+pub const CUBE_FILE: &str = "time-cube.npy";
+
 /// Where bins lie on the axis of optical length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeAxis {
@@ -158,6 +161,13 @@ pub fn bytes(axis: &TimeAxis, pixels: u64, splats: bool) -> Result<u64, String> 
         bytes as f64 / (1u64 << 30) as f64,
         MAX_BYTES >> 30
     ))
+}
+
+/// The unit in which a time is read best, in seconds, and its name: femtoseconds to seconds.
+pub fn unit_of(seconds: f64) -> (f64, &'static str) {
+    const UNITS: [(f64, &str); 6] =
+        [(1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs")];
+    *UNITS.iter().find(|(unit, _)| seconds.abs() >= *unit).unwrap_or(&UNITS[5])
 }
 
 /// The light of every pixel by its time.

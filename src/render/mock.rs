@@ -164,16 +164,11 @@ fn mix(x: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use glam::Vec3;
 
     use super::*;
-    use crate::render::hierarchy::AccelSpec;
     use crate::scene::desc::CameraDesc;
-    use crate::transport::camera::{FilterKind, FilterSpec};
     use crate::transport::integrator::INTEGRATORS;
-    use crate::transport::sampler::INDEPENDENT;
 
     fn scene() -> Arc<CompiledScene> {
         Arc::new(CompiledScene {
@@ -190,6 +185,7 @@ mod tests {
             directionals: Vec::new(),
             environment: None,
             tangents: Vec::new(),
+            colors: Vec::new(),
             camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
             bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],
@@ -198,20 +194,7 @@ mod tests {
     }
 
     fn job(seed: u64) -> Job {
-        Job {
-            integrator: &INTEGRATORS[0],
-            params: BTreeMap::new(),
-            resolution: [24, 16],
-            max_depth: 5,
-            rr_start: None,
-            filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-            layers: Vec::new(),
-            timing: None,
-            sampler: INDEPENDENT,
-            accel: AccelSpec::default(),
-            seed,
-            threads: 1,
-        }
+        Job { threads: 1, ..Job::plain(&INTEGRATORS[0], [24, 16], 5, seed) }
     }
 
     fn film_of(seed: u64, waves: &[u64]) -> Film {

@@ -28,7 +28,7 @@ use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
 use crate::transport::flight::Timing;
 use crate::transport::integrator::IntegratorRow;
-use crate::transport::sampler::SamplerRow;
+use crate::transport::sampler::{INDEPENDENT, SamplerRow};
 use crate::value::Value;
 
 /// Everything besides the scene that decides a picture.
@@ -59,6 +59,27 @@ pub struct Job {
     pub seed: u64,
     /// Worker threads; 0 is one for each core. Never changes the picture.
     pub threads: usize,
+}
+
+impl Job {
+    /// A job without anything special: default parameters, no roulette, the pixel as filter, independent numbers, one thread
+    /// for each core.
+    pub fn plain(integrator: &'static IntegratorRow, resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
+        Job {
+            integrator,
+            params: BTreeMap::new(),
+            resolution,
+            max_depth,
+            rr_start: None,
+            filter: FilterSpec::PIXEL,
+            layers: Vec::new(),
+            timing: None,
+            sampler: INDEPENDENT,
+            accel: AccelSpec::default(),
+            seed,
+            threads: 0,
+        }
+    }
 }
 
 /// What one wave did.

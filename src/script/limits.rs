@@ -35,16 +35,38 @@ pub struct Watch {
 #[derive(Clone, Copy, Debug)]
 struct Running {
     deadline: Instant,
+    /// By then it ends even where nothing was done: see [`Watch::is_late`].
+    last: Instant,
+    /// What this thread may work, and had worked when the clock was started, where the system tells.
+    allowed: Duration,
+    worked: Option<Duration>,
     seconds: f64,
     what: &'static str,
+}
+
+/// How many times as long as its limit a script may take on a machine that is busy with other things.
+const MOST_WAITING: u32 = 20;
+
+/// How long this thread has kept a processor busy, where the system says it in a file.
+fn worked() -> Option<Duration> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    text.split_whitespace().next()?.parse().ok().map(Duration::from_nanos)
 }
 
 impl Watch {
     /// Starts the clock for `what`.
     pub fn start(&self, what: &'static str, seconds: f64) {
         let limit = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-        let deadline = Instant::now().checked_add(limit);
-        self.running.set(deadline.map(|deadline| Running { deadline, seconds, what }));
+        let now = Instant::now();
+        let last = limit.checked_mul(MOST_WAITING).and_then(|most| now.checked_add(most));
+        self.running.set(last.map(|last| Running {
+            deadline: now + limit,
+            last,
+            allowed: limit,
+            worked: worked(),
+            seconds,
+            what,
+        }));
         self.expired.replace(None);
         self.last_seen.replace(None);
     }
@@ -52,6 +74,34 @@ impl Watch {
     /// Stops the clock.
     pub fn stop(&self) {
         self.running.set(None);
+    }
+
+    /// Takes off what was spent on reading a file that the script names: files have limits of their own.
+    pub fn excuse(&self, spent: Duration) {
+        if let Some(mut running) = self.running.get() {
+            running.deadline += spent;
+            running.last += spent;
+            running.allowed += spent;
+            self.running.set(Some(running));
+        }
+    }
+
+    /// Whether the time is up: by the clock, and by what this thread has worked since, where the system tells, so that a
+    /// script that waits for a processor on a busy machine has its time as well.
+    fn is_late(&self) -> Option<Running> {
+        let running = self.running.get()?;
+        let now = Instant::now();
+        if now < running.deadline {
+            return None;
+        }
+        let spent = running.worked.and_then(|before| worked()?.checked_sub(before));
+        match spent.and_then(|spent| running.allowed.checked_sub(spent)) {
+            Some(left) if now < running.last && !left.is_zero() => {
+                self.running.set(Some(Running { deadline: now + left, ..running }));
+                None
+            }
+            _ => Some(running),
+        }
     }
 
     /// Remembers where the script is, and says whether its time is up.
@@ -62,10 +112,7 @@ impl Watch {
         if place.is_some() {
             self.last_seen.replace(place);
         }
-        let Some(running) = self.running.get() else { return Ok(()) };
-        if Instant::now() < running.deadline {
-            return Ok(());
-        }
+        let Some(running) = self.is_late() else { return Ok(()) };
         if self.expired.borrow().is_none() {
             let problem = Problem::Time { what: running.what, seconds: running.seconds };
             let help = "a script only describes what to render; is there a loop that never ends?";
@@ -124,6 +171,28 @@ pub fn pattern_is_quick(text_len: usize, pattern: &[u8], plain: bool) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn waiting_and_reading_files_are_not_a_scripts_own_time() {
+        let watch = Watch::default();
+        let limit = Duration::from_millis(20);
+        watch.start("loading", limit.as_secs_f64());
+        if worked().is_some() {
+            std::thread::sleep(2 * limit);
+            assert!(watch.is_late().is_none(), "it has not worked");
+        }
+        let before = (worked(), Instant::now());
+        let spent = || match before.0 {
+            Some(then) => worked().and_then(|now| now.checked_sub(then)).unwrap_or_default(),
+            None => before.1.elapsed(),
+        };
+        while spent() < 2 * limit {}
+        assert!(watch.is_late().is_some(), "it has worked twice as long as it may");
+        watch.excuse(before.1.elapsed());
+        assert!(watch.is_late().is_none(), "that was the reading of a file");
+        watch.stop();
+        assert!(watch.is_late().is_none());
+    }
 
     #[test]
     fn everyday_patterns_are_quick_and_exploding_ones_are_not() {

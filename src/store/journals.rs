@@ -13,6 +13,14 @@ use super::tail::Tail;
 /// Journals of workers that one look reads, so that a thousand of them do not make it slow. The first reads all.
 const LOOKS: usize = 64;
 
+/// The key under which a line of a worker's journal says whose it is.
+const WORKER: &str = "worker";
+
+/// The worker whose journal holds this line, by its name in the crew; empty for that of a night that one renders alone.
+pub(super) fn worker(line: &Json) -> &str {
+    line[WORKER].as_str().unwrap_or_default()
+}
+
 /// Journals that grow.
 #[derive(Debug)]
 pub(super) struct Journals {
@@ -51,12 +59,12 @@ impl Journals {
     /// What was appended since the last look.
     pub(super) fn look(&mut self) -> Lines {
         let news = self.main.look();
-        let mut texts = vec![news.text];
+        let mut texts = vec![(String::new(), news.text)];
         for entry in fs::read_dir(&self.workers).into_iter().flatten().flatten() {
             let path = entry.path();
             if path.extension().is_some_and(|e| e == "jsonl") && !self.tails.contains_key(&path) {
                 let mut tail = Tail::new(path.clone());
-                texts.push(tail.look().text);
+                texts.push((name(&path), tail.look().text));
                 self.tails.insert(path, tail);
             }
         }
@@ -65,11 +73,19 @@ impl Journals {
         let rest = LOOKS.min(self.tails.len()).saturating_sub(next.len());
         next.extend(self.tails.keys().take(rest).cloned().collect::<Vec<_>>());
         for path in &next {
-            texts.extend(self.tails.get_mut(path).map(|tail| tail.look().text));
+            texts.extend(self.tails.get_mut(path).map(|tail| (name(path), tail.look().text)));
         }
         self.last = next.pop();
-        let parsed = texts.iter().flat_map(|text| text.lines()).filter_map(|line| serde_json::from_str(line).ok());
-        let mut lines: Vec<Json> = parsed.collect();
+        let mut lines: Vec<Json> = Vec::new();
+        for (worker, text) in &texts {
+            let parsed = text.lines().filter_map(|line| serde_json::from_str(line).ok());
+            lines.extend(parsed.map(|mut line: Json| {
+                if let Some(fields) = line.as_object_mut().filter(|_| !worker.is_empty()) {
+                    fields.insert(WORKER.to_owned(), worker.as_str().into());
+                }
+                line
+            }));
+        }
         if !self.tails.is_empty() {
             // Clocks of machines may differ by a little; nothing but the order of what is shown hangs on them.
             lines.sort_by(|a, b| a["date"].as_str().cmp(&b["date"].as_str()));
@@ -82,6 +98,11 @@ impl Journals {
         let all = std::iter::once(&self.main).chain(self.tails.values());
         all.filter_map(|tail| fs::metadata(tail.path()).and_then(|m| m.modified()).ok()).max()
     }
+}
+
+/// The name of the worker that writes a journal.
+fn name(journal: &Path) -> String {
+    journal.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 #[cfg(test)]
@@ -104,19 +125,20 @@ mod tests {
         append("workers/n1.jsonl", 3, "c");
         append("workers/n2.jsonl", 2, "b");
         let seen = |journals: &mut Journals| -> String {
-            journals.look().lines.iter().filter_map(|line| line["event"].as_str()).collect()
+            journals.look().lines.iter().flat_map(|line| [worker(line), line["event"].as_str().unwrap()]).collect()
         };
-        assert_eq!(seen(&mut journals), "abc");
+        assert_eq!(seen(&mut journals), "an2bn1c", "with the worker that each is of");
         assert!(journals.has_workers() && seen(&mut journals).is_empty());
         append("workers/n1.jsonl", 5, "d");
         append("workers/n3.jsonl", 4, "e");
-        assert_eq!(seen(&mut journals), "ed");
+        assert_eq!(seen(&mut journals), "n3en1d");
         for i in 0..200 {
             append(&format!("workers/m{i}.jsonl"), 6, "x");
         }
-        assert_eq!(seen(&mut journals).len(), 200);
+        let mut count = || journals.look().lines.len();
+        assert_eq!(count(), 200);
         (0..200).for_each(|i| append(&format!("workers/m{i}.jsonl"), 7, "y"));
-        let looks: Vec<usize> = (0..4).map(|_| seen(&mut journals).len()).collect();
+        let looks: Vec<usize> = (0..4).map(|_| count()).collect();
         assert_eq!(looks.iter().sum::<usize>(), 200, "each look takes some in: {looks:?}");
     }
 }

@@ -11,7 +11,7 @@ use super::*;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Cell, Reference, ReferenceSource};
 use crate::experiment::spec::{CellConfig, Measure, Snapshots};
-use crate::experiment::standing::{Claim, Settled};
+use crate::experiment::standing::Claim;
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
@@ -20,7 +20,7 @@ use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
-fn decode(bytes: &[u8]) -> Result<Image, String> {
+pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     match bytes {
         [b'I', grey] => Ok(Image::from_fn(1, 1, |_, _| [f32::from(*grey); 3])),
         _ => Err("not a toy picture".into()),
@@ -63,7 +63,7 @@ fn scene() -> Arc<SceneDesc> {
 }
 
 /// A plan whose cells have the given ids, none with a reference, and one rendered reference.
-fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
+pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
     let cell = |(i, id): (usize, &&str)| Cell {
         id: RunId((*id).to_owned()),
         point: vec![("depth".into(), Value::Int(i as i64))],
@@ -108,7 +108,7 @@ fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
     }
 }
 
-fn row(wave: u64, invalid: u64) -> WaveRow {
+pub(super) fn row(wave: u64, invalid: u64) -> WaveRow {
     WaveRow {
         wave,
         samples: 1 << wave,
@@ -121,7 +121,7 @@ fn row(wave: u64, invalid: u64) -> WaveRow {
     }
 }
 
-fn finish_run(store: &Store, plan: &Plan, i: usize) {
+pub(super) fn finish_run(store: &Store, plan: &Plan, i: usize) {
     let mut run = store.start(plan, CellRef::Cell(i), None).unwrap();
     run.open_metrics(&[], &[]).unwrap();
     run.append_row(&row(1, 0)).unwrap();
@@ -197,7 +197,7 @@ fn films_belong_to_a_run_and_go_with_it() {
     assert_eq!(store.done(&plan, CellRef::Cell(0)), None, "a film is missing");
 }
 
-fn only_run_of(store: &Store, id: &str) -> PathBuf {
+pub(super) fn only_run_of(store: &Store, id: &str) -> PathBuf {
     let runs = layout::runs_below(&store.folder().join("runs"));
     runs.into_iter().find(|r| r.ends_with(id)).unwrap()
 }
@@ -377,129 +377,4 @@ fn latest_points_at_the_newest_and_results_are_ordinary_files() {
         let mode = |name: &str| fs::metadata(store.folder().join(name)).unwrap().permissions().mode() & 0o777;
         assert_eq!(mode("plan.json"), mode("journal.jsonl"));
     }
-}
-
-#[test]
-fn a_night_is_followed_by_its_files_while_it_goes_on() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
-    let started = |i: usize| {
-        let run = plan.cells[i].id.0.as_str();
-        store.journal("cell_started", &json!({ "run": run, "device": "mock" })).unwrap();
-    };
-    store.journal("night_started", &json!({})).unwrap();
-    finish_run(&store, &plan, 0);
-    started(0);
-    let done = json!({ "run": "aa11", "outcome": "done", "reason": "samples", "samples": 4, "render_s": 0.25 });
-    store.journal("cell_finished", &done).unwrap();
-    let mut run = store.start(&plan, CellRef::Cell(1), None).unwrap();
-    run.open_metrics(&[], &[]).unwrap();
-    started(1);
-    let mut follower = Follower::open(store.folder(), decode).unwrap();
-    assert_eq!(follower.outline().until(CellRef::Cell(0)).unwrap().rule, StopRule::Samples(4));
-    let seen = |follower: &mut Follower| -> Vec<String> {
-        let words = |seen: Seen| match seen {
-            Seen::Began => "began".to_owned(),
-            Seen::Foretold(left) => format!("{} known", left.known),
-            Seen::Over => "over".to_owned(),
-            Seen::Started { cell, config, open, .. } => {
-                format!("{cell:?} starts {} on {}", config.unwrap().integrator, open.device)
-            }
-            Seen::Measured { cell, row } => format!("{cell:?} has {}", row.samples),
-            Seen::Ended { cell, outcome, last } => {
-                format!("{cell:?} {outcome:?} after {:?}", last.map(|row| row.samples))
-            }
-            Seen::Pictured { cell, image } => format!("{cell:?} shows {}", image.at(0, 0)[0]),
-            Seen::Said { text, .. } => text,
-            Seen::Strategy { .. } => "a film".to_owned(),
-            Seen::Underway { cell } => format!("{cell:?} too"),
-            Seen::Crew(workers) => format!("{} workers", workers.len()),
-        };
-        follower.look().into_iter().map(|sight| words(sight.seen)).collect()
-    };
-    let first = seen(&mut follower);
-    let starts = "Cell(1) starts bpt on mock";
-    assert_eq!(first, ["began", "Cell(0) Done(\"samples\") after Some(4)", starts], "of the first run only its end");
-    assert!(seen(&mut follower).is_empty());
-    run.append_row(&row(1, 0)).unwrap();
-    run.append_row(&row(2, 0)).unwrap();
-    run.write("snap-4.exr", b"I\x05").unwrap();
-    assert_eq!(seen(&mut follower), ["Cell(1) has 2", "Cell(1) has 4", "Cell(1) shows 5"]);
-    run.append_row(&row(3, 0)).unwrap();
-    run.write("final.exr", b"I\x07").unwrap();
-    run.finish(&json!({ "run": "bb22", "samples": 8 })).unwrap();
-    let done = json!({ "run": "bb22", "outcome": "done", "reason": "samples", "samples": 8 });
-    store.journal("cell_finished", &done).unwrap();
-    store.journal("night_finished", &json!({})).unwrap();
-    let last = ["Cell(1) has 8", "Cell(1) shows 7", "Cell(1) Done(\"samples\") after Some(8)", "over"];
-    assert_eq!(seen(&mut follower), last);
-    // Another night that finds nothing to do, and a run that somebody deleted.
-    fs::remove_file(only_run_of(&store, "aa11").join("done.json")).unwrap();
-    let late = seen(&mut Follower::open(store.folder(), decode).unwrap());
-    assert!(!late.iter().any(|word| word.starts_with("Cell(0) Done")), "{late:?}");
-    assert!(Follower::open(dir.path(), decode).unwrap_err().to_string().contains("lumbre ls"));
-}
-
-#[test]
-fn workers_are_followed_by_their_own_journals() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
-    let home = Store::open(dir.path(), &plan, decode).unwrap().folder().to_owned();
-    let me = Me { job: "7_0".to_owned(), ..Me::default() };
-    let join = || Store::join(&home, &plan, &Frozen::default(), decode, &me).unwrap();
-    let (a, b) = (join(), join());
-    let tell = |store: &Store, event: &str, i: usize| {
-        let run = plan.cells[i].id.0.as_str();
-        let fields = json!({ "run": run, "path": "p", "device": "mock", "outcome": "done", "samples": 4 });
-        store.journal(event, &fields).unwrap();
-    };
-    a.journal("night_started", &json!({})).unwrap();
-    b.journal("night_started", &json!({})).unwrap();
-    assert_eq!(a.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Ours);
-    assert!(matches!(b.claim(&plan, CellRef::Cell(0)).unwrap(), Claim::Theirs(_)));
-    a.start(&plan, CellRef::Cell(0), None).unwrap();
-    tell(&a, "cell_started", 0);
-    b.start(&plan, CellRef::Cell(1), None).unwrap();
-    let mut follower = Follower::open(&home, decode).unwrap();
-    let seen = |follower: &mut Follower| -> Vec<String> {
-        let words = |seen: Seen| match seen {
-            Seen::Began => "began".to_owned(),
-            Seen::Over => "over".to_owned(),
-            Seen::Started { cell, .. } => format!("{cell:?} starts"),
-            Seen::Underway { cell } => format!("{cell:?} too"),
-            Seen::Ended { cell, outcome, .. } => format!("{cell:?} {outcome:?}"),
-            Seen::Crew(workers) => format!("{} workers", workers.iter().filter(|w| w.is_here()).count()),
-            _ => "more".to_owned(),
-        };
-        follower.look().into_iter().map(|sight| words(sight.seen)).filter(|word| word != "more").collect()
-    };
-    assert_eq!(seen(&mut follower), ["began", "Cell(0) starts", "2 workers"]);
-    tell(&b, "cell_started", 1);
-    assert_eq!(seen(&mut follower), ["Cell(1) too"], "the one that is shown stays");
-    finish_run(&a, &plan, 0);
-    tell(&a, "cell_finished", 0);
-    a.release(&plan, CellRef::Cell(0));
-    assert_eq!(seen(&mut follower), ["Cell(0) Done(\"\")", "Cell(1) starts"], "and then another one is");
-    // What one settled the others need not look at.
-    assert!(matches!(b.settled(&plan, CellRef::Cell(0)), Some(Settled::Done(_))));
-    assert_eq!(b.settled(&plan, CellRef::Cell(2)), None);
-    b.fail(&plan, CellRef::Cell(2), "no lens").unwrap();
-    b.release(&plan, CellRef::Cell(2));
-    assert_eq!(join().settled(&plan, CellRef::Cell(2)), Some(Settled::Failed("no lens".to_owned())));
-    let stock = a.take_stock(&plan);
-    assert_eq!((stock.done.len(), stock.failed.len(), stock.open), (1, 1, 2), "a cell and the reference are open");
-    // A worker that falls silent is lost, and its run open again.
-    let old = std::time::SystemTime::now() - 2 * LEASE;
-    for file in fs::read_dir(home.join("workers")).unwrap().flatten().map(|e| e.path()) {
-        let text = fs::read_to_string(&file).unwrap();
-        if text.contains("heartbeat") || file.extension().is_some_and(|e| e == "json") {
-            fs::File::options().write(true).open(&file).unwrap().set_modified(old).unwrap();
-        }
-    }
-    let mut late = Follower::open(&home, decode).unwrap();
-    let late = seen(&mut late);
-    assert!(late.last().is_some_and(|word| word == "0 workers"), "{late:?}");
-    a.journal("night_closed", &json!({})).unwrap();
-    assert!(seen(&mut follower).contains(&"over".to_owned()));
 }

@@ -50,20 +50,18 @@ pub struct Timing {
 pub struct Chance(Option<Independent>);
 
 impl Chance {
-    /// Those of a sample.
+    /// Those of a sample; for `TIMED` see [`Flight`].
     #[inline]
-    pub fn new(context: &Context, sampler: &Sampler) -> Chance {
-        let needed = context.timing.is_some() || !context.scene.delays.is_empty();
-        Chance(needed.then(|| sampler.aside()))
+    pub fn new<const TIMED: bool>(sampler: &Sampler) -> Chance {
+        Chance(TIMED.then(|| sampler.aside()))
     }
 
     /// When the light of this sample was emitted.
     #[inline]
     pub fn emission(&mut self, context: &Context) -> f32 {
-        match (context.timing, &mut self.0) {
-            (Some(timing), Some(chance)) if timing.emission != Profile::NONE => {
-                timing.emission.sample(chance.next_1d())
-            }
+        let Chance(Some(chance)) = self else { return 0.0 };
+        match context.timing {
+            Some(timing) if timing.emission != Profile::NONE => timing.emission.sample(chance.next_1d()),
             _ => 0.0,
         }
     }
@@ -104,68 +102,71 @@ impl Stamp {
     }
 }
 
-/// The clock of a path while it is traced. Without a time axis it only draws parts.
+/// The clock of a path while it is traced, which also draws the parts of composed materials.
+///
+/// Integrators are compiled twice, with `TIMED` for films with a time axis and scenes with composed or delayed materials,
+/// as [`Context::timed`] says, and without: then there is no clock, and it costs nothing.
 #[derive(Clone, Copy, Debug)]
-pub struct Flight<'a> {
+pub struct Flight<'a, const TIMED: bool> {
     timing: Option<&'a Timing>,
     stamp: Stamp,
     from: Vec3,
     /// Whether the edge on its way does not count.
     free: bool,
-    /// The part of the material at this vertex: its place among all.
-    part: Option<u32>,
 }
 
-impl<'a> Flight<'a> {
+impl<'a, const TIMED: bool> Flight<'a, TIMED> {
     /// A path from the camera, whose light was emitted at `emitted`.
     #[inline]
-    pub fn of_camera(context: &Context<'a>, ray: &Ray, emitted: f32) -> Flight<'a> {
+    pub fn of_camera(context: &Context<'a>, ray: &Ray, emitted: f32) -> Flight<'a, TIMED> {
         let timing = context.timing;
         let index = timing.map_or(1.0, |t| t.medium);
         let stamp = Stamp { index, late: emitted, ..Stamp::default() };
-        Flight { timing, stamp, from: ray.origin, free: timing.is_some_and(|t| !t.camera), part: None }
+        Flight { timing, stamp, from: ray.origin, free: timing.is_some_and(|t| !t.camera) }
     }
 
     /// A path from a point of a light.
     #[inline]
-    pub fn of_light(context: &Context<'a>, from: Vec3) -> Flight<'a> {
+    pub fn of_light(context: &Context<'a>, from: Vec3) -> Flight<'a, TIMED> {
         let stamp = Stamp { index: 1.0, ..Stamp::default() };
-        Flight { timing: context.timing, stamp, from, free: false, part: None }
+        Flight { timing: context.timing, stamp, from, free: false }
     }
 
     /// The surface that a ray of this path has met, as one part of its material if that is composed.
     #[inline]
     pub fn arrive<'s>(&mut self, context: &Context<'s>, ray: &Ray, hit: &Hit, chance: &mut Chance) -> Surface<'s> {
-        let scene = context.scene;
-        let mut row = scene.material_of(hit.primitive, hit.instance);
-        self.part = None;
-        if let Some(chance) = chance.0.as_mut().filter(|_| !scene.delays.is_empty()) {
-            let parts = scene.delays.parts(row);
-            let chosen = match parts {
-                [] => None,
-                [_] => Some(0),
-                _ => {
-                    let u = chance.next_1d();
-                    Some(parts.partition_point(|p| p.upto <= u).min(parts.len() - 1))
-                }
-            };
-            if let Some(chosen) = chosen {
-                row = parts[chosen].material;
-                self.part = Some(chosen as u32);
-            }
+        match chance {
+            Chance(Some(chance)) if TIMED => self.arrive_timed(context, ray, hit, chance),
+            _ => Surface::at(context.scene, ray, hit),
         }
-        let surface = Surface::of_material(scene, ray, hit, row);
+    }
+
+    fn arrive_timed<'s>(
+        &mut self,
+        context: &Context<'s>,
+        ray: &Ray,
+        hit: &Hit,
+        chance: &mut Independent,
+    ) -> Surface<'s> {
+        let scene = context.scene;
+        let row = scene.material_of(hit.primitive, hit.instance);
+        let part = match scene.delays.parts(row) {
+            [] => None,
+            [part] => Some(part),
+            parts => {
+                let u = chance.next_1d();
+                Some(&parts[parts.partition_point(|p| p.upto <= u).min(parts.len() - 1)])
+            }
+        };
+        let surface = Surface::of_material(scene, ray, hit, part.map_or(row, |p| p.material));
         if self.timing.is_some() {
             if !self.free {
                 self.stamp.path += self.stamp.index * self.from.distance(surface.position);
             }
             self.free = false;
-            self.stamp.delay = 0.0;
-            if let (Some(chosen), Some(chance)) = (self.part, &mut chance.0) {
-                let part = &scene.delays.parts(scene.material_of(hit.primitive, hit.instance))[chosen as usize];
-                let profiles = scene.delays.profiles(part).iter();
-                self.stamp.delay = delay::sample_all(profiles, &scene.textures, surface.uv, chance);
-            }
+            self.stamp.delay = part.map_or(0.0, |part| {
+                delay::sample_all(scene.delays.profiles(part).iter(), &scene.textures, surface.uv, chance)
+            });
         }
         surface
     }
@@ -173,13 +174,13 @@ impl<'a> Flight<'a> {
     /// When the path is where it is.
     #[inline]
     pub fn stamp(&self) -> Stamp {
-        self.stamp
+        if TIMED { self.stamp } else { Stamp::default() }
     }
 
     /// The path goes on from `from` after an event that crossed the index ratio `eta`.
     #[inline]
     pub fn leave(&mut self, from: Vec3, eta: f32) {
-        if self.timing.is_some() {
+        if TIMED && self.timing.is_some() {
             self.stamp.late += std::mem::take(&mut self.stamp.delay);
             self.stamp.index *= eta;
             self.from = from;
@@ -189,11 +190,11 @@ impl<'a> Flight<'a> {
     /// When light comes from outside the scene along the edge that is on its way, whose direction is `dir`.
     #[inline]
     pub fn escaped(&self, context: &Context, dir: Vec3) -> f64 {
-        match self.timing {
+        match self.timing.filter(|_| TIMED) {
             Some(_) if !self.free => {
                 self.stamp.arrived() + f64::from(self.stamp.index * context.lights.lead(self.from, dir))
             }
-            _ => self.stamp.arrived(),
+            _ => self.stamp().arrived(),
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::math::rng::{pcg4d, unit};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 
-/// A normal from a normal map that points behind the real surface is tilted until its cosine with it is this.
+/// A normal from a normal or bump map that points behind the real surface is tilted until its cosine with it is this.
 const GRAZING_COSINE: f32 = 1e-3;
 
 /// A point on a surface with what shading needs of it.
@@ -25,6 +25,8 @@ pub struct Surface<'a> {
     pub tangent: Vec3,
     /// Texture coordinates before tiling.
     pub uv: Vec2,
+    /// What the colours of vertices make of the base colour; white without any.
+    pub tint: Vec3,
     /// The material row.
     pub material: &'a Material,
     /// Index into the scene's emitters, or [`NONE`].
@@ -47,7 +49,7 @@ impl<'a> Surface<'a> {
     pub fn of_material(scene: &'a CompiledScene, ray: &Ray, hit: &Hit, material: u32) -> Surface<'a> {
         let i = hit.primitive as usize;
         let material = &scene.materials[material as usize];
-        let mut surface = if i < scene.triangles.len() {
+        let mut surface = if let Some(attributes) = scene.attributes.get(i) {
             let ([a, b, c], [na, nb, nc]) = scene.triangle(hit.primitive, hit.instance);
             let [v, w] = hit.uv;
             let u = 1.0 - v - w;
@@ -57,7 +59,8 @@ impl<'a> Surface<'a> {
                 n_geometric,
                 n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
                 tangent: Vec3::ZERO,
-                uv: uv_at(scene, ray, hit),
+                uv: attributes.uv([v, w]),
+                tint: scene.tint_at(hit.primitive, hit.uv),
                 material,
                 emitter: scene.emitter_of(hit.primitive, hit.instance),
                 overhang: None,
@@ -71,6 +74,7 @@ impl<'a> Surface<'a> {
                 n_shading: n,
                 tangent: Vec3::ZERO,
                 uv: sphere_uv(n),
+                tint: Vec3::ONE,
                 material,
                 emitter: sphere.emitter,
                 overhang: None,
@@ -79,8 +83,12 @@ impl<'a> Surface<'a> {
         if surface.material.shadow_terminator && i < scene.triangles.len() {
             surface.overhang = surface.find_overhang(scene, ray, hit);
         }
+        let smooth = surface.n_shading;
         if surface.material.uses_tangents() {
             surface.orient(scene, hit);
+        }
+        if surface.material.bump_texture != NONE {
+            surface.emboss(scene, hit, smooth);
         }
         surface
     }
@@ -150,10 +158,7 @@ impl<'a> Surface<'a> {
         if m.normal_texture != NONE && u_axis != Vec3::ZERO {
             let texel = lookup(&scene.textures, m.normal_texture, self.uv, m.tiling) * 2.0 - 1.0;
             let n = u_axis * (texel.x * m.normal_strength) + v_axis * (texel.y * m.normal_strength) + n_axis * texel.z;
-            let n = n.normalize_or(self.n_shading);
-            let behind = n.dot(self.n_geometric) - GRAZING_COSINE;
-            self.n_shading =
-                if behind < 0.0 { (n - self.n_geometric * behind).normalize_or(self.n_geometric) } else { n };
+            self.n_shading = self.in_front(n.normalize_or(self.n_shading));
         }
         self.tangent = if m.anisotropic_texture != NONE {
             let texel = lookup(&scene.textures, m.anisotropic_texture, self.uv, m.tiling) * 2.0 - 1.0;
@@ -163,6 +168,44 @@ impl<'a> Surface<'a> {
         } else {
             u_axis
         };
+    }
+
+    /// Tilts the normal by the slopes of the bump map, as if every point stood out along the smooth normal by what the map
+    /// says [Blinn 1978], small heights assumed: n - grad h, with the gradient along the surface [Mikkelsen 2010].
+    ///
+    /// Heights are linear along the edges of the triangle as it lies in the world, so the gradient needs no tangents, and
+    /// stretched, sheared or mirrored texture coordinates are right. Slopes are differences over one texel about the point:
+    /// they are continuous, where the derivatives of the interpolated map jump at the middles of texels. Where there is a
+    /// normal map as well, the slopes of both add.
+    #[cold]
+    fn emboss(&mut self, scene: &CompiledScene, hit: &Hit, smooth: Vec3) {
+        let m = self.material;
+        let map = &scene.textures[m.bump_texture as usize];
+        let place = m.tiling.apply(self.uv);
+        let texel = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
+        let rise = |step: Vec2| map.bilinear(place + step * 0.5).x - map.bilinear(place - step * 0.5).x;
+        let slopes = Vec2::new(rise(Vec2::new(texel.x, 0.0)), rise(Vec2::new(0.0, texel.y))) / texel;
+        let slopes = slopes * (m.tiling.scale * m.bump_height);
+        let i = hit.primitive as usize;
+        let (edges, rises) = if i < scene.triangles.len() {
+            let [a, b, c] = scene.triangle(hit.primitive, hit.instance).0;
+            let [ta, tb, tc] = scene.attributes[i].uvs;
+            ([b - a, c - a], [slopes.dot(tb - ta), slopes.dot(tc - ta)])
+        } else {
+            let along = scene.spheres[i - scene.triangles.len()].radius * std::f32::consts::PI;
+            let east = Vec3::new(smooth.z, 0.0, -smooth.x);
+            let north = smooth.cross(east.normalize_or_zero());
+            ([east * (2.0 * along), north * along], slopes.to_array())
+        };
+        let gradient = (edges[1] * rises[0] - edges[0] * rises[1]).cross(smooth) / smooth.dot(edges[0].cross(edges[1]));
+        let n = self.n_shading - gradient * self.n_shading.dot(smooth).max(0.0);
+        self.n_shading = self.in_front(n.normalize_or(self.n_shading));
+    }
+
+    /// A unit normal, tilted until it is in front of the triangle.
+    fn in_front(&self, n: Vec3) -> Vec3 {
+        let behind = n.dot(self.n_geometric) - GRAZING_COSINE;
+        if behind < 0.0 { (n - self.n_geometric * behind).normalize_or(self.n_geometric) } else { n }
     }
 
     /// Radiance emitted towards `wo`: the material's emission on the front side, black behind.
@@ -177,7 +220,8 @@ impl<'a> Surface<'a> {
     /// The base colour here.
     #[inline]
     pub fn base_color(&self, textures: &[Texture]) -> Vec3 {
-        self.material.base_color * lookup(textures, self.material.base_color_texture, self.uv, self.material.tiling)
+        let m = self.material;
+        m.base_color * self.tint * lookup(textures, m.base_color_texture, self.uv, m.tiling)
     }
 
     /// A ray from here into `dir`, started off the surface on the side to which it goes.
@@ -254,11 +298,7 @@ pub fn lookup_scalar(textures: &[Texture], texture: u32, uv: Vec2, tiling: UvMap
 fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Vec2 {
     let i = hit.primitive as usize;
     match scene.attributes.get(i) {
-        Some(attributes) => {
-            let [a, b, c] = attributes.uvs;
-            let [v, w] = hit.uv;
-            a * (1.0 - v - w) + b * v + c * w
-        }
+        Some(attributes) => attributes.uv(hit.uv),
         None => {
             let sphere = &scene.spheres[i - scene.attributes.len()];
             sphere_uv((ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir))

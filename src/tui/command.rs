@@ -18,6 +18,10 @@ pub enum Order {
     Axis(ChartX),
     /// The picture pane shows this.
     Picture(Picture),
+    /// Light plays through time, or stops.
+    Play,
+    /// Light by time at this optical length.
+    Moment(f64),
     /// Picture and reference in turn, or not.
     Flicker,
     /// Stops that pictures are brightened by.
@@ -42,7 +46,9 @@ pub const COMMANDS: &[Row] = &[
     ("cell", "N", "bring cell N into view"),
     ("metric", "NAME", "metric of the chart"),
     ("axis", "time|spp", "horizontal axis of the chart"),
-    ("show", "KIND", "live, reference, difference, flip, strategies"),
+    ("show", "KIND", "live, reference, difference, flip, strategies, time"),
+    ("time", "LENGTH", "light that comes at this path length"),
+    ("play", "", "light through time, or stop"),
     ("flicker", "", "live and reference in turn"),
     ("exposure", "STOPS", "brightness of pictures"),
     ("help", "", "keys and signs"),
@@ -73,6 +79,11 @@ pub fn read(line: &str, model: &Model) -> Result<Order, String> {
             _ => return Err(format!("expected `axis time` or `axis spp`, found `{argument}`")),
         },
         "show" => Order::Picture(picture(argument)?),
+        "play" => Order::Play,
+        "time" => {
+            let length = argument.parse().ok().filter(|length: &f64| length.is_finite());
+            Order::Moment(length.ok_or_else(|| format!("expected a path length, found `{argument}`"))?)
+        }
         "flicker" => Order::Flicker,
         "exposure" => {
             let stops = argument.parse().ok().filter(|stops: &f32| stops.is_finite());
@@ -160,6 +171,7 @@ mod tests {
         assert_eq!(said("axis spp"), Order::Axis(ChartX::Samples));
         assert_eq!(said("show diff"), Order::Picture(Picture::Difference));
         assert_eq!(said("exp -1.5"), Order::Exposure(-1.5));
+        assert_eq!((said("time 6.25"), said("pl")), (Order::Moment(6.25), Order::Play));
         for (name, ..) in COMMANDS {
             assert!(!matches!(ordered(name), Err(e) if e.contains("no command")), "{name}");
         }
@@ -177,6 +189,7 @@ mod tests {
         assert_eq!(answer("metric rsme"), "there is no metric `rsme`; did you mean `rmse`?");
         assert!(answer("show nothing").contains("difference"));
         assert!(answer("exposure bright").contains("stops"));
+        assert!(answer("time late").contains("path length"));
         assert!(answer("stop now").contains("stop cell"));
     }
 }

@@ -23,14 +23,15 @@ use super::guard::Guard;
 use super::look::{Graphics, Look};
 use super::model::Model;
 use super::panes;
+use super::reel::Reel;
 use super::view::{Command, View, Wishes};
 use crate::experiment::event::Level;
 use crate::experiment::{Control, Event, Sink, SinkError};
 
 /// Shortest time between two frames.
-const FRAME: Duration = Duration::from_millis(100);
+pub(super) const FRAME: Duration = Duration::from_millis(100);
 /// Longest time until a key is seen.
-const GLANCE: Duration = Duration::from_millis(40);
+pub(super) const GLANCE: Duration = Duration::from_millis(40);
 
 /// What to do when the user wants to leave at once; the terminal has been given back before it is called.
 pub type LeaveNow = Box<dyn FnOnce() + Send>;
@@ -175,8 +176,18 @@ impl Drop for Dashboard {
 impl Sink for Dashboard {
     fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
         let at_s = self.clock.now_s();
-        self.shared.model().hear(event, at_s);
+        // Before the model is locked: keys must not wait for it.
+        let reel = Reel::heard(event);
+        let mut model = self.shared.model();
+        model.hear(event, at_s);
+        if let Some(reel) = reel {
+            model.wound(reel);
+        }
         Ok(())
+    }
+
+    fn shows_times(&self) -> bool {
+        true
     }
 }
 

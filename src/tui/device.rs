@@ -6,6 +6,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::experiment::memory;
+
 /// Time between two readings of files.
 const EVERY: Duration = Duration::from_secs(2);
 /// Time between two calls of a tool, which cost more.
@@ -48,10 +50,7 @@ impl Gauges {
         let now = jiffies(&read("/proc/stat"));
         self.cpu.busy = self.jiffies.zip(now).and_then(|(before, now)| share(before, now));
         self.jiffies = now;
-        let memory = read("/proc/meminfo");
-        let kilobytes = |key: &str| number_after(&memory, key).map(|kb| kb * 1024);
-        let (all, free) = (kilobytes("MemTotal:"), kilobytes("MemAvailable:"));
-        self.cpu.memory = all.zip(free).map(|(all, free)| [all.saturating_sub(free), all]);
+        self.cpu.memory = memory::machine().map(|[free, all]| [all.saturating_sub(free), all]);
         self.resident = number_after(&read("/proc/self/status"), "VmRSS:").map(|kb| kb * 1024);
         self.cpu.celsius = hottest(Path::new("/sys/class/thermal"));
         if let Some(gpu) = self.graphics(device) {
@@ -143,7 +142,7 @@ mod tests {
         assert_eq!(share(before, now), Some(0.75));
         assert_eq!(share(now, now), None, "no time has passed");
         assert_eq!(jiffies("what"), None);
-        assert_eq!(number_after("MemTotal:       16316412 kB\nMemFree: 1 kB\n", "MemTotal:"), Some(16_316_412));
+        assert_eq!(number_after("VmPeak: 1 kB\nVmRSS:       16316412 kB\n", "VmRSS:"), Some(16_316_412));
         let reading = nvidia("37, 1024, 81920, 61\n12, 1, 2, 3\n");
         assert_eq!(reading, Reading { busy: Some(0.37), memory: Some([1 << 30, 80 << 30]), celsius: Some(61.0) });
         assert_eq!(nvidia("[N/A], 1024, 81920, 40").busy, None);

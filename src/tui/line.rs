@@ -277,7 +277,7 @@ impl Sink for LineSink {
                 self.started(*cell, &open.device);
             }
             Event::Wave { cell, row, pow2, .. } => self.wave(*cell, row, *pow2),
-            Event::Floors { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
+            Event::Times { .. } | Event::Floors { .. } | Event::Halves { .. } | Event::Agreement { .. } => {}
             Event::Forecast(left) => self.foretell(left),
             Event::CellFinished { cell, outcome, rows, .. } => {
                 self.spoken.remove(cell);

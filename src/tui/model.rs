@@ -1,12 +1,13 @@
 //! What is known about a night, folded from its events. Nothing here draws, and nothing grows with time.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use super::column::{Column, columns};
 use super::curve::Curve;
 use super::entry::{Entry, State, mean_wall_s};
 use super::eta::{self, Eta};
+use super::reel::Reel;
 use super::thumbs::{Thumb, Thumbs};
 use super::words;
 use super::workers::WorkerLine;
@@ -73,10 +74,14 @@ pub struct Model {
     pub rivals: BTreeMap<CellRef, Current>,
     /// For every reference whose noise is known, what it leaves of each metric to be measured.
     pub floors: BTreeMap<usize, Arc<Vec<Option<f64>>>>,
+    /// The references that a second technique contradicts.
+    pub contradicted: BTreeSet<usize>,
     /// The curves of the last [`PAST`] cells that ended after measuring, oldest first.
     pub past: VecDeque<(CellRef, Arc<Curve>)>,
     /// The films by strategy of the last cell that kept them.
     pub thumbs: Option<Arc<Thumbs>>,
+    /// Light by time: of the current cell, or of the last that had it.
+    pub reel: Option<Arc<Reel>>,
     /// The workers that take part and have not left, where there are several.
     pub workers: Arc<Vec<WorkerLine>>,
     /// The last [`MESSAGES`] messages, oldest first.
@@ -112,7 +117,9 @@ impl Model {
                 self.picture(*cell, image.clone());
             }
             Event::Floors { reference, floors } => self.floor(*reference, Arc::clone(floors)),
-            Event::Halves { .. } | Event::Agreement { .. } => {}
+            // Winding a reel takes a while; whoever hears the event does it first and hands it to `wound`.
+            Event::Times { .. } | Event::Halves { .. } => {}
+            Event::Agreement { reference, found, .. } => self.compared(*reference, found.agrees()),
             Event::CellFinished { cell, outcome, film: _, layers, times: _, rows } => {
                 self.finish(*cell, outcome, rows.last(), at_s);
                 self.layers(*cell, layers);
@@ -256,6 +263,15 @@ impl Model {
         self.floors.insert(reference, floors);
     }
 
+    /// A reference was compared with the same picture by a second technique.
+    pub fn compared(&mut self, reference: usize, agrees: bool) {
+        self.revision += 1;
+        match agrees {
+            true => self.contradicted.remove(&reference),
+            false => self.contradicted.insert(reference),
+        };
+    }
+
     /// What the noise of the current cell's reference leaves of a metric to be measured, where it is known.
     pub fn floor_of(&self, metric: usize) -> Option<f64> {
         let CellRef::Cell(i) = self.current.as_ref()?.cell else { return None };
@@ -286,6 +302,16 @@ impl Model {
     pub fn layers(&mut self, cell: CellRef, layers: &[LayerImage]) {
         if let Some(thumbs) = Thumbs::of(cell, layers) {
             self.thumbs = Some(Arc::new(thumbs));
+        }
+    }
+
+    /// There is light by time of a cell. Of cells that take turns, that of the one at hand is kept.
+    pub fn wound(&mut self, reel: Reel) {
+        let at_hand = self.current.as_ref().filter(|current| current.running).map(|current| current.cell);
+        let shown = self.reel.as_ref().map(|reel| reel.cell);
+        if Some(reel.cell) == at_hand || shown != at_hand || at_hand.is_none() {
+            self.revision += 1;
+            self.reel = Some(Arc::new(reel));
         }
     }
 

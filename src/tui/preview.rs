@@ -103,7 +103,7 @@ fn made(kind: Picture, size: [u32; 2], image: &Image, reference: Option<&Image>,
         }
     };
     match kind {
-        Picture::Live | Picture::Strategies => Content::Radiance(box_average(image, size[0], size[1])),
+        Picture::Live | Picture::Strategies | Picture::Time => Content::Radiance(box_average(image, size[0], size[1])),
         Picture::Reference => match reference {
             Some(reference) => Content::Radiance(box_average(reference, size[0], size[1])),
             None => Content::Nothing("this cell has no reference".to_owned()),

@@ -11,6 +11,7 @@ use super::look::{Graphics, Look};
 use super::model::Model;
 use super::panes;
 use super::preview::Previews;
+use super::reel::Reel;
 use super::rows::Rows;
 use super::sharp::Sharp;
 use crate::experiment::{CellRef, Control, PauseAt};
@@ -58,12 +59,14 @@ pub enum Picture {
     Flip,
     /// What each strategy found, of the last cell that kept it.
     Strategies,
+    /// Light by its time, a frame of it.
+    Time,
 }
 
 impl Picture {
     /// All of them, in the order in which a key goes through them.
-    pub const ALL: [Picture; 5] =
-        [Picture::Live, Picture::Reference, Picture::Difference, Picture::Flip, Picture::Strategies];
+    pub const ALL: [Picture; 6] =
+        [Picture::Live, Picture::Reference, Picture::Difference, Picture::Flip, Picture::Strategies, Picture::Time];
 
     /// Its name in the command bar.
     pub fn name(self) -> &'static str {
@@ -73,6 +76,7 @@ impl Picture {
             Picture::Difference => "difference",
             Picture::Flip => "flip",
             Picture::Strategies => "strategies",
+            Picture::Time => "time",
         }
     }
 }
@@ -151,8 +155,12 @@ pub struct Notice {
 
 /// Seconds for which an answer stays.
 const NOTICE_S: f64 = 6.0;
+/// Frames that a leap through time passes over.
+const LEAP: isize = 10;
 /// Seconds for which each of two pictures shows when they flicker.
 const FLICKER_S: f64 = 0.6;
+/// Seconds for which each frame shows when light plays through time: as often as the screen is drawn.
+const FRAME_S: f64 = 0.1;
 
 /// The state of the screen that is not the state of the night.
 #[derive(Debug)]
@@ -177,6 +185,10 @@ pub struct View {
     pub flicker: bool,
     /// Whether the strategies are shown without their weights.
     pub raw: bool,
+    /// The optical length whose frame is shown of light by time.
+    pub moment: f64,
+    /// When light began to play through time, and at which frame.
+    pub playing: Option<(f64, usize)>,
     /// Stops that pictures are brightened by, on top of the plan's tone map.
     pub exposure: f32,
     /// How cells are listed.
@@ -221,6 +233,8 @@ impl View {
             picture: Picture::default(),
             flicker: false,
             raw: false,
+            moment: f64::NEG_INFINITY,
+            playing: None,
             exposure: 0.0,
             listing: Listing::default(),
             filter: String::new(),
@@ -252,6 +266,7 @@ impl View {
         let notice = self.notice.as_ref().is_some_and(|notice| now_s < notice.until_s);
         let step = match model.finished_s {
             _ if self.flicker => FLICKER_S,
+            _ if self.playing.is_some() => FRAME_S,
             None => 1.0,
             Some(_) if notice => NOTICE_S,
             Some(_) => return 0,
@@ -266,6 +281,48 @@ impl View {
             true => Picture::Live,
             false => self.picture,
         }
+    }
+
+    /// The frame that shows of light by time.
+    pub fn frame(&self, reel: &Reel) -> usize {
+        match self.playing {
+            Some((since_s, from)) => (from + ((self.now_s - since_s) / FRAME_S).max(0.0) as usize) % reel.count(),
+            None => reel.at(self.moment),
+        }
+    }
+
+    /// Light plays through time from the frame that shows, or from the first where that is the last; or stops.
+    fn play(&mut self, model: &Model) {
+        if self.playing.is_some() {
+            return self.halt(model);
+        }
+        (self.picture, self.flicker) = (Picture::Time, false);
+        self.playing = model.reel.as_ref().map(|reel| {
+            let from = self.frame(reel);
+            (self.now_s, if from + 1 < reel.count() { from } else { 0 })
+        });
+    }
+
+    /// Stops at the frame that shows.
+    fn halt(&mut self, model: &Model) {
+        match &model.reel {
+            Some(reel) if self.playing.is_some() => self.stay(reel, self.frame(reel)),
+            _ => self.playing = None,
+        }
+    }
+
+    /// Some frames on or back.
+    fn step(&mut self, by: isize, model: &Model) {
+        (self.picture, self.flicker) = (Picture::Time, false);
+        if let Some(reel) = &model.reel {
+            self.stay(reel, self.frame(reel).saturating_add_signed(by).min(reel.count() - 1));
+        }
+    }
+
+    /// Shows a frame, wherever it will be among others once there is more light.
+    fn stay(&mut self, reel: &Reel, frame: usize) {
+        let [begin, end] = reel.span(frame);
+        (self.moment, self.playing) = (0.5 * (begin + end), None);
     }
 
     /// Takes in a key while the screen has the size of `area`; what concerns the night is handed back.
@@ -315,6 +372,7 @@ impl View {
             KeyCode::Esc if self.help => self.help = false,
             KeyCode::Esc => {
                 (self.focus, self.plan_top, self.log_back) = (Focus::Overview, None, 0);
+                self.halt(model);
                 (self.flicker, self.notice) = (false, None);
                 self.filter.clear();
             }
@@ -327,6 +385,11 @@ impl View {
                 };
             }
             KeyCode::Char('w') => self.raw = !self.raw,
+            KeyCode::Char('t') => self.play(model),
+            KeyCode::Left => self.step(-1, model),
+            KeyCode::Right => self.step(1, model),
+            KeyCode::Char('<') => self.step(-LEAP, model),
+            KeyCode::Char('>') => self.step(LEAP, model),
             KeyCode::Char('g') => {
                 self.plan_top = None;
                 self.listing = match self.listing {
@@ -403,8 +466,12 @@ impl View {
                 }
             }
             Order::Axis(axis) => self.chart_x = axis,
-            Order::Picture(kind) => (self.picture, self.flicker) = (kind, false),
-            Order::Flicker => self.flicker = !self.flicker,
+            Order::Picture(kind) => (self.picture, self.flicker, self.playing) = (kind, false, None),
+            Order::Play => self.play(model),
+            Order::Moment(length) => {
+                (self.picture, self.flicker, self.playing, self.moment) = (Picture::Time, false, None, length);
+            }
+            Order::Flicker => (self.flicker, self.playing) = (!self.flicker, None),
             Order::Exposure(stops) => self.exposure = stops.clamp(-MAX_STOPS, MAX_STOPS),
             Order::Cell(i) => {
                 self.filter.clear();

@@ -31,6 +31,12 @@ fn a_night_leaves_pictures_curves_tables_and_numbers() {
         assert!(place.path("out/latest").join(name).is_file(), "{name}");
     }
     assert_eq!(place.read("out/latest/experiment.lua"), place.read("night.lua"));
+    // A night of ten thousand runs must not become a burden for its file system.
+    for (done, _) in place.finished() {
+        let folder = done.trim_end_matches("done.json");
+        let own: Vec<&String> = files.iter().filter(|f| f.starts_with(folder) && !f.contains("/snap-")).collect();
+        assert!(own.len() <= 8, "{own:?}");
+    }
 }
 
 #[test]

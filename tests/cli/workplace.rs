@@ -17,19 +17,8 @@ pub struct Ended {
     pub stderr: String,
 }
 
-const SCENE: &str = r#"{
-    "resolution": [24, 16],
-    "maxdepth": 4,
-    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
-    "materials": [
-        { "name": "grey", "color": [0.5, 0.5, 0.5] },
-        { "name": "lamp", "emission": [2, 2, 2] }
-    ],
-    "entities": [
-        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
-        { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
-    ]
-}"#;
+/// A grey ball under a lamp.
+const SCENE: &str = include_str!("../common/ball.scn");
 
 /// Two depths, two seeds, a reference for each depth, metrics, a figure and a table.
 const SCRIPT: &str = r#"

@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use lumbre::film::Film;
-use lumbre::render::hierarchy::AccelSpec;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{
@@ -14,9 +13,7 @@ use lumbre::scene::compile::{
     Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre::scene::desc::{CameraDesc, ConeDesc};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
-use lumbre::transport::sampler::INDEPENDENT;
 
 /// A white, opaque, ideal material that emits nothing.
 pub const WHITE: Material = Material {
@@ -31,6 +28,7 @@ pub const WHITE: Material = Material {
     clearcoat_gloss: 1.0,
     smooth_below: 0.01,
     normal_strength: 1.0,
+    bump_height: 1.0,
     mask_threshold: 0.5,
     mask_mode: MaskMode::Threshold,
     shadow_terminator: false,
@@ -39,6 +37,7 @@ pub const WHITE: Material = Material {
     opacity_texture: NONE,
     anisotropic_texture: NONE,
     normal_texture: NONE,
+    bump_texture: NONE,
     base_color: Vec3::ONE,
     emission: Vec3::ZERO,
     roughness: 1.0,
@@ -79,6 +78,7 @@ impl SceneBuilder {
                 attributes: Vec::new(),
                 instances: Instances::default(),
                 tangents: Vec::new(),
+                colors: Vec::new(),
                 spheres: Vec::new(),
                 materials: Vec::new(),
                 delays: Default::default(),
@@ -202,20 +202,7 @@ impl SceneBuilder {
 
 /// A job for `bpt` without Russian roulette and with the pixel as filter.
 pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
-    Job {
-        integrator: integrator("bpt").unwrap(),
-        params: Default::default(),
-        resolution,
-        max_depth,
-        rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-        layers: Vec::new(),
-        timing: None,
-        sampler: INDEPENDENT,
-        accel: AccelSpec::default(),
-        seed,
-        threads: 0,
-    }
+    Job::plain(integrator("bpt").unwrap(), resolution, max_depth, seed)
 }
 
 /// Renders `samples` samples on the CPU.

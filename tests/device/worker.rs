@@ -10,25 +10,15 @@ use lumbre::math::rng::{pcg4d, unit};
 
 use super::harness;
 
-const SCENE: &str = r#"{
-    "resolution": [32, 20], "maxdepth": 4,
-    "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
-    "materials": [
-        { "name": "grey", "color": [0.5, 0.5, 0.5] },
-        { "name": "lamp", "emission": [2, 2, 2] }
-    ],
-    "entities": [
-        { "type": "sphere", "material": "grey", "position": [0, 0, 0], "radius": 1 },
-        { "type": "sphere", "material": "lamp", "position": [0, 3, 0], "radius": 0.5 }
-    ]
-}"#;
+const SCENE: &str = include_str!("../common/ball.scn");
 
 /// Two cells of a second or so each, with a checkpoint many times a second.
 const SCRIPT: &str = r#"
 local x = experiment("frail", { seed = 7 })
 x:axis("technique", { "bpt", "nee" })
 x:checkpoint(0.05)
-x:render(function(p) return { scene = "ball.scn", integrator = p.technique, backend = "vulkan-compute", films = { "depth" } } end)
+x:render(function(p) return { scene = "ball.scn", integrator = p.technique, backend = "vulkan-compute", resolution = { 32, 20 },
+    films = { "depth" } } end)
 x:stop(function(p) return stop.samples(600) end)
 return x
 "#;

@@ -6,13 +6,14 @@ use std::sync::{Arc, Mutex};
 use lumbre::experiment::control::{Finding, check};
 use lumbre::experiment::event::Level;
 use lumbre::experiment::plan::identity::{cell_seed, warmup_seed};
+use lumbre::experiment::run::{Open, Options, Seams, run_with};
 use lumbre::experiment::spec::{Order, Warmup};
-use lumbre::experiment::{CellRef, Event, NightSummary, Outcome, Plan, Sink, SinkError, StopRule};
+use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, Plan, Sink, SinkError, StopRule};
 use lumbre::film::Film;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::fixtures::{Lab, Night, Recorder, at, config, ints, whole_at};
+use crate::fixtures::{Lab, Memory, Night, Recorder, at, config, ints, whole_at};
 
 /// Three techniques at two depths.
 fn lab(order: Order) -> Lab {
@@ -172,7 +173,7 @@ fn a_machine_that_tires_slows_all_of_those_that_take_turns_alike() {
 
 #[test]
 fn what_fails_in_a_heat_fails_alone_and_a_wish_is_meant_for_its_first_run() {
-    struct Skips<'a>(&'a lumbre::experiment::Control, bool);
+    struct Skips<'a>(&'a Control, bool);
     impl Sink for Skips<'_> {
         fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
             // Wished while the second has its turn.
@@ -205,6 +206,27 @@ fn what_fails_in_a_heat_fails_alone_and_a_wish_is_meant_for_its_first_run() {
     let given_up: Vec<CellRef> =
         summary.results.iter().filter(|r| r.outcome == Outcome::Interrupted).map(|r| r.cell).collect();
     assert_eq!(given_up, [CellRef::Cell(0)]);
+}
+
+#[test]
+fn techniques_that_do_not_fit_into_memory_together_fail_with_what_they_need() {
+    let lab = lab(Order::Interleave);
+    let plan = Arc::new(lab.plan());
+    let estimate = plan.estimate(&|_| true);
+    // Sums, splats of `bdpt`, and what measuring keeps, of 8x4 pixels.
+    assert_eq!((estimate.heat_runs, estimate.heat_bytes), (3, 32 * (3 * (48 + 80) + 96)));
+    assert_eq!(self::lab(Order::Sequential).plan().estimate(&|_| true).heat_bytes, 0);
+    let night = |memory: u64| {
+        let open: Open<'_> = &|_, scene, job| Ok(Box::new(MockRenderer::new(scene, job)));
+        let (seams, control) = (Seams { open, wait: &|| {} }, Control::default());
+        let options = Options { memory: Some(memory), ..Options::from(1) };
+        run_with(&seams, &plan, &lab, &Memory::default(), &mut [], &control, options).unwrap().results
+    };
+    assert!(night(estimate.heat_bytes).iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+    for result in night(estimate.heat_bytes - 1) {
+        let Outcome::Failed(reason) = &result.outcome else { panic!("{:?}", result.outcome) };
+        assert!(reason.contains("3 techniques") && reason.contains("interleave"), "{reason}");
+    }
 }
 
 #[test]

@@ -206,6 +206,13 @@ pub fn load_scene(file: &Path) -> LoadedScene {
     Ok((scene, vec![note]))
 }
 
+/// A cell for each depth, so that points differ in what they render.
+pub fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
+    let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
+    lab.render = Box::new(|p| Ok(CellConfig { max_depth: Some(whole_at(p, "depth")), ..config() }));
+    lab
+}
+
 /// The value of an axis at a point.
 pub fn at(point: &Point, axis: &str) -> Value {
     point.iter().find(|(name, _)| name == axis).map(|(_, value)| value.clone()).unwrap()
@@ -224,6 +231,8 @@ pub fn ints<const N: usize>(numbers: [i64; N]) -> [Value; N] {
 /// What a listener heard, in short words, and the events themselves.
 #[derive(Default)]
 pub struct Recorder {
+    /// Whether it shows light by time.
+    pub shows_times: bool,
     pub words: Vec<String>,
     pub events: Vec<Event>,
 }
@@ -236,6 +245,10 @@ impl Sink for Recorder {
         }
         self.events.push(event.clone());
         Ok(())
+    }
+
+    fn shows_times(&self) -> bool {
+        self.shows_times
     }
 }
 
@@ -297,6 +310,7 @@ pub fn words(event: &Event) -> String {
         Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
         Event::Floors { reference, .. } => format!("floors r{reference}"),
         Event::Agreement { reference, with, .. } => format!("compared r{reference} r{with}"),
+        Event::Times { cell, .. } => format!("times {}", name(cell)),
         Event::Halves { reference, .. } => format!("halves r{reference}"),
         Event::Forecast(_) => "forecast".into(),
         Event::NightFinished => "morning".into(),

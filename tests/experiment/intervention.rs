@@ -7,7 +7,7 @@ use lumbre::experiment::event::Level;
 use lumbre::experiment::run::{Seams, run_with};
 use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, PauseAt, Sink, SinkError};
 
-use crate::fixtures::{Lab, Night, Recorder, config, ints, whole_at, words};
+use crate::fixtures::{Lab, Night, Recorder, depths, words};
 
 /// A user who does something when hearing certain words.
 struct User<'a> {
@@ -24,16 +24,6 @@ impl Sink for User<'_> {
     }
 }
 
-fn three() -> Lab {
-    let mut lab = Lab::new().axis("depth", ints([1, 2, 3]));
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
-    });
-    lab
-}
-
 fn disturbed(lab: &Lab, night: &Night<'_>, at: &'static str, act: fn(&Control)) -> (NightSummary, Recorder) {
     let act = || act(&night.control);
     let (mut user, mut heard) = (User { at, act: &act }, Recorder::default());
@@ -47,7 +37,7 @@ fn stop(control: &Control) {
 
 #[test]
 fn a_stop_ends_the_night_after_the_wave() {
-    let (summary, heard) = disturbed(&three(), &Night::default(), "wave c1 3", stop);
+    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", stop);
     assert!(summary.interrupted);
     assert_eq!(summary.results.len(), 2, "the third cell was never reached");
     assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
@@ -57,27 +47,27 @@ fn a_stop_ends_the_night_after_the_wave() {
 
 #[test]
 fn a_stop_in_the_wave_that_finishes_a_cell_leaves_it_finished() {
-    let (summary, _) = disturbed(&three(), &Night::default(), "wave c1 16", stop);
+    let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 16", stop);
     assert!(matches!(summary.results[1].outcome, Outcome::Done(_)));
     assert!(summary.interrupted, "the third cell was never reached");
-    let (summary, _) = disturbed(&three(), &Night::default(), "wave c2 16", stop);
+    let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c2 16", stop);
     assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
     assert!(!summary.interrupted, "all was done");
 }
 
 #[test]
 fn a_stop_before_the_first_wave_leaves_no_film() {
-    let (summary, heard) = disturbed(&three(), &Night::default(), "start c0", stop);
+    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "start c0", stop);
     assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
     assert!(heard.film(CellRef::Cell(0)).is_none());
-    let (summary, heard) = disturbed(&three(), &Night::default(), "night", stop);
+    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "night", stop);
     assert!(summary.interrupted && summary.results.is_empty());
     assert_eq!(heard.words, ["night", "morning"]);
 }
 
 #[test]
 fn a_stop_during_a_reference_ends_the_night_before_its_cells() {
-    let (summary, heard) = disturbed(&three().measured(), &Night::default(), "wave r0 15", stop);
+    let (summary, heard) = disturbed(&depths([1, 2, 3]).measured(), &Night::default(), "wave r0 15", stop);
     assert!(summary.interrupted);
     assert_eq!(summary.results.len(), 1);
     assert_eq!(heard.words.last().unwrap(), "morning");
@@ -85,7 +75,7 @@ fn a_stop_during_a_reference_ends_the_night_before_its_cells() {
 
 #[test]
 fn a_skip_gives_up_one_cell_and_says_so() {
-    let (summary, heard) = disturbed(&three(), &Night::default(), "wave c1 3", Control::request_skip);
+    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", Control::request_skip);
     let kinds: Vec<bool> = summary.results.iter().map(|r| matches!(r.outcome, Outcome::Done(_))).collect();
     assert_eq!(kinds, [true, false, true]);
     assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
@@ -96,13 +86,13 @@ fn a_skip_gives_up_one_cell_and_says_so() {
 
 #[test]
 fn a_skip_that_comes_too_late_does_not_hit_the_next_cell() {
-    let (summary, _) = disturbed(&three(), &Night::default(), "done c0", Control::request_skip);
+    let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "done c0", Control::request_skip);
     assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
 }
 
 #[test]
 fn cells_of_a_reference_that_was_given_up_fail() {
-    let (summary, _) = disturbed(&three().measured(), &Night::default(), "wave r0 15", Control::request_skip);
+    let (summary, _) = disturbed(&depths([1, 2, 3]).measured(), &Night::default(), "wave r0 15", Control::request_skip);
     assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
     assert_eq!(summary.results[3].outcome, Outcome::Failed("its reference is missing: it was given up".into()));
     assert!(matches!(summary.results[4].outcome, Outcome::Done(_)));
@@ -110,7 +100,7 @@ fn cells_of_a_reference_that_was_given_up_fail() {
 
 #[test]
 fn a_pause_waits_without_rendering_and_changes_nothing() {
-    let undisturbed = Night::default().record(&three()).1;
+    let undisturbed = Night::default().record(&depths([1, 2, 3])).1;
     let waits = Cell::new(0);
     let control = Control::default();
     let wait = || {
@@ -123,7 +113,7 @@ fn a_pause_waits_without_rendering_and_changes_nothing() {
         control.toggle_pause();
     };
     let (mut user, mut heard) = (User { at: "wave c1 3", act: &act }, Recorder::default());
-    let (lab, night) = (three(), Night::default());
+    let (lab, night) = (depths([1, 2, 3]), Night::default());
     let seams = Seams { open: night.open, wait: &wait };
     let sinks: &mut [&mut dyn Sink] = &mut [&mut user, &mut heard];
     run_with(&seams, &Arc::new(lab.plan()), &lab, &night.history, sinks, &control, 1).unwrap();
@@ -139,15 +129,15 @@ fn a_paused_night_still_hears_stop_and_skip() {
         control.toggle_pause();
         control.request_stop();
     };
-    let (summary, _) = disturbed(&three(), &Night::default(), "wave c0 1", pause_and_stop);
+    let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c0 1", pause_and_stop);
     assert!(summary.interrupted);
     assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
 }
 
 #[test]
 fn a_restart_renders_the_cell_from_its_first_sample() {
-    let (whole, undisturbed) = Night::default().record(&three());
-    let (lab, night) = (three(), Night::default());
+    let (whole, undisturbed) = Night::default().record(&depths([1, 2, 3]));
+    let (lab, night) = (depths([1, 2, 3]), Night::default());
     let asked = Cell::new(false);
     let act = || {
         if !asked.replace(true) {
@@ -168,7 +158,7 @@ fn a_restart_renders_the_cell_from_its_first_sample() {
 
 #[test]
 fn a_restart_that_comes_too_late_does_not_hit_the_next_cell() {
-    let (_, heard) = disturbed(&three(), &Night::default(), "done c0", Control::request_restart);
+    let (_, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "done c0", Control::request_restart);
     assert_eq!(heard.words.iter().filter(|w| *w == "start c1").count(), 1);
 }
 
@@ -177,25 +167,25 @@ fn a_night_can_end_after_the_cell_at_hand() {
     let after_cell = |control: &Control| {
         control.toggle_stop_after_cell();
     };
-    let (summary, heard) = disturbed(&three(), &Night::default(), "wave c1 3", after_cell);
+    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", after_cell);
     assert!(summary.interrupted);
     assert_eq!(summary.results.len(), 2);
     assert!(matches!(summary.results[1].outcome, Outcome::Done(_)), "the cell at hand is finished");
     assert_eq!(heard.words.last().unwrap(), "morning");
-    let (summary, _) = disturbed(&three(), &Night::default(), "wave c2 3", after_cell);
+    let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c2 3", after_cell);
     assert!(!summary.interrupted, "there was no further cell");
     let twice = |control: &Control| {
         control.toggle_stop_after_cell();
         control.toggle_stop_after_cell();
     };
-    let (summary, _) = disturbed(&three(), &Night::default(), "wave c1 3", twice);
+    let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", twice);
     assert_eq!(summary.results.len(), 3, "taken back");
 }
 
 #[test]
 fn a_limit_pauses_the_night_once_at_the_first_measurement_behind_it() {
-    let undisturbed = Night::default().record(&three()).1;
-    let (lab, night) = (three(), Night::default());
+    let undisturbed = Night::default().record(&depths([1, 2, 3])).1;
+    let (lab, night) = (depths([1, 2, 3]), Night::default());
     let control = Control::default();
     control.set_pause_at(Some(PauseAt::Samples(2)));
     let waits = Cell::new(0);

@@ -4,26 +4,17 @@ use std::sync::Arc;
 
 use lumbre::experiment::event::Level;
 use lumbre::experiment::run::{Open, RunError};
-use lumbre::experiment::spec::HookError;
+use lumbre::experiment::spec::{CellConfig, HookError};
 use lumbre::experiment::{CellRef, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre::film::Film;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{OpenStats, RenderError, Renderer, WaveStats};
+use lumbre::transport::flight::Timing;
+use lumbre::value::Value;
 
-use crate::fixtures::{Lab, Night, Recorder, config, ints, whole_at, words};
+use crate::fixtures::{Lab, Night, Recorder, config, depths, whole_at, words};
 
 const CELL: CellRef = CellRef::Cell(0);
-
-/// Three cells of depth 1, 2 and 3.
-fn three() -> Lab {
-    let mut lab = Lab::new().axis("depth", ints([1, 2, 3]));
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
-    });
-    lab
-}
 
 /// A mock that does something else once it has some samples.
 struct Odd {
@@ -59,7 +50,7 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
         let limit = if job.max_depth == 2 { 3 } else { 1000 };
         Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&three());
+    let (summary, heard) = Night { open, ..Night::default() }.record(&depths([1, 2, 3]));
     assert_eq!(failed(&summary.results[1].outcome), "backend `mock` failed: asked to fail after 3 samples");
     assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 3);
     assert_eq!(summary.results[1].rows.len(), 2);
@@ -75,7 +66,7 @@ fn a_renderer_that_does_not_open_fails_its_cell() {
         2 => panic!("out of {}", "memory"),
         _ => Ok(Box::new(MockRenderer::new(scene, job))),
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&three());
+    let (summary, heard) = Night { open, ..Night::default() }.record(&depths([1, 2, 3]));
     assert_eq!(failed(&summary.results[0].outcome), "backend `mock` cannot do this: no such depth");
     assert_eq!(failed(&summary.results[1].outcome), "panic while opening the backend: out of memory");
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
@@ -92,7 +83,7 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_not_trusted() {
         };
         Ok(Box::new(Odd { inner: MockRenderer::new(scene, job), act }))
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&three());
+    let (summary, heard) = Night { open, ..Night::default() }.record(&depths([1, 2, 3]));
     assert_eq!(failed(&summary.results[1].outcome), "panic while rendering: index out of bounds");
     assert_eq!(summary.results[1].rows.len(), 1);
     assert!(heard.film(CellRef::Cell(1)).is_none());
@@ -133,7 +124,7 @@ fn invalid_samples_are_counted_and_told_once_with_their_place() {
 
 #[test]
 fn a_failed_reference_fails_its_cells_with_its_reason() {
-    let lab = three().measured();
+    let lab = depths([1, 2, 3]).measured();
     let reference_seeds = lumbre::experiment::plan::identity::reference_seeds();
     let open: Open<'_> = &move |_, scene, job| {
         let limit = if reference_seeds.contains(&job.seed) && job.max_depth == 2 { 100 } else { 1 << 20 };
@@ -149,7 +140,7 @@ fn a_failed_reference_fails_its_cells_with_its_reason() {
 
 #[test]
 fn a_failing_predicate_fails_its_cell() {
-    let mut lab = three();
+    let mut lab = depths([1, 2, 3]);
     lab.stop = Box::new(|p| {
         let predicate = StopRule::Predicate(whole_at(p, "depth") as usize);
         Ok(StopRule::Any(vec![predicate, StopRule::Samples(4)]))
@@ -186,7 +177,7 @@ impl Sink for Full {
 #[test]
 fn a_listener_that_cannot_record_fails_the_cell_and_the_others_still_hear() {
     for at in ["start c1", "wave c1 3"] {
-        let lab = three();
+        let lab = depths([1, 2, 3]);
         let (mut full, mut after) = (Full::at(at), Recorder::default());
         let night = Night::default();
         let summary = night.carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after]).unwrap();
@@ -199,7 +190,7 @@ fn a_listener_that_cannot_record_fails_the_cell_and_the_others_still_hear() {
 
 #[test]
 fn a_result_that_cannot_be_recorded_is_a_failure_and_is_not_announced_twice() {
-    let lab = three();
+    let lab = depths([1, 2, 3]);
     let (mut full, mut after) = (Full::at("done c1"), Recorder::default());
     let night = Night::default();
     let summary = night.carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after]).unwrap();
@@ -212,7 +203,7 @@ fn a_result_that_cannot_be_recorded_is_a_failure_and_is_not_announced_twice() {
 
 #[test]
 fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
-    let lab = three();
+    let lab = depths([1, 2, 3]);
     let plan = Arc::new(lab.plan());
     let mut full = Full::at("night");
     let error = Night::default().carry_out(&lab, &plan, &mut [&mut full]).unwrap_err();
@@ -223,4 +214,33 @@ fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
     let RunError::Finish { reason, summary } = error else { panic!("{error}") };
     assert_eq!(reason, "no space left on device");
     assert_eq!(summary.results.len(), 3);
+}
+
+#[test]
+fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
+    let mut lab = Lab::new();
+    lab.render = Box::new(|_| {
+        let film = Value::from_json(&serde_json::json!({ "time": { "start": 0, "bin": 0.5, "bins": 8 } }));
+        let timing = Timing::from_film(film.as_map().unwrap(), "film").unwrap();
+        Ok(CellConfig { timing, backend: "cpu".into(), ..config() })
+    });
+    lab.stop = Box::new(|_| Ok(StopRule::Samples(20)));
+    let plan = Arc::new(lab.plan());
+    let heard = |shows_times: bool| {
+        let mut recorder = Recorder { shows_times, ..Recorder::default() };
+        let night = Night { open: &lumbre::render::open, ..Night::default() };
+        night.carry_out(&lab, &plan, &mut [&mut recorder]).unwrap();
+        recorder
+    };
+    let shown = heard(true);
+    let times = |recorder: &Recorder| -> Vec<u64> {
+        let samples = recorder.events.iter().filter_map(|event| match event {
+            Event::Times { times, .. } => Some(times.samples),
+            _ => None,
+        });
+        samples.collect()
+    };
+    assert_eq!(shown.totals(CellRef::Cell(0)), [1, 3, 7, 15, 20]);
+    assert_eq!(times(&shown), [1, 3, 7, 15], "20 is less than twice 15");
+    assert_eq!(times(&heard(false)), [0u64; 0], "nobody pays for what nobody sees");
 }

@@ -11,19 +11,9 @@ use lumbre::film::Image;
 use lumbre::render::mock::{MockRenderer, SECONDS_PER_PATH};
 use lumbre::value::Value;
 
-use crate::fixtures::{Lab, Memory, Night, Recorder, config, ints, whole_at};
+use crate::fixtures::{Lab, Memory, Night, Recorder, config, depths, ints, whole_at};
 
 const CELL: CellRef = CellRef::Cell(0);
-
-fn depths<const N: usize>(values: [i64; N]) -> Lab {
-    let mut lab = Lab::new().axis("depth", ints(values));
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
-    });
-    lab
-}
 
 #[test]
 fn references_come_first_and_then_the_cells_in_order() {

@@ -15,7 +15,7 @@ use lumbre::film::Image;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{RenderError, Renderer};
 
-use crate::fixtures::{Lab, Recorder, at, config, ints, whole_at, words};
+use crate::fixtures::{Lab, Recorder, at, config, depths, ints, whole_at, words};
 
 /// What outlives a process, in memory, and who else is there.
 #[derive(Default)]
@@ -90,16 +90,6 @@ impl Sink for Ends<'_> {
     }
 }
 
-fn depths() -> Lab {
-    let mut lab = Lab::new().axis("depth", ints([1, 2, 3]));
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
-    });
-    lab
-}
-
 fn go(lab: &Lab, history: &Kept, options: Options, stop_after: u32) -> (NightSummary, Recorder) {
     let control = Control::default();
     let mut ends = Ends { control: &control, waves: Cell::new(stop_after) };
@@ -164,7 +154,7 @@ fn checkpoints_that_cannot_be_written_cost_nothing_but_a_warning() {
 fn cells_of_other_processes_are_put_off_and_waited_for() {
     let kept = Kept::default();
     kept.theirs.set(3);
-    let (summary, heard) = go(&depths(), &kept, Options::from(1), u32::MAX);
+    let (summary, heard) = go(&depths([1, 2, 3]), &kept, Options::from(1), u32::MAX);
     let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
     assert_eq!(*outcomes[0], Outcome::Cached("theirs".into()));
     assert!(matches!(outcomes[1..], [Outcome::Done(_), Outcome::Done(_)]));
@@ -174,7 +164,7 @@ fn cells_of_other_processes_are_put_off_and_waited_for() {
 }
 
 fn broken_at_depth_2() -> Lab {
-    let mut lab = depths();
+    let mut lab = depths([1, 2, 3]);
     lab.render = Box::new(|p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
@@ -212,11 +202,11 @@ fn a_night_ends_at_its_number_of_failures() {
 #[test]
 fn a_deadline_ends_the_night_and_orders_its_cells_from_coarse_to_fine() {
     let past = Options { deadline: Some(SystemTime::now() - Duration::from_secs(1)), ..Options::from(1) };
-    let (summary, heard) = go(&depths(), &Kept::default(), past, u32::MAX);
+    let (summary, heard) = go(&depths([1, 2, 3]), &Kept::default(), past, u32::MAX);
     assert!(summary.results.is_empty() && !summary.interrupted);
     assert!(heard.messages(Level::Warn)[0].contains("deadline"));
     let far = Options { deadline: Some(SystemTime::now() + Duration::from_secs(9999)), ..Options::from(1) };
-    let (_, heard) = go(&depths(), &Kept::default(), far, u32::MAX);
+    let (_, heard) = go(&depths([1, 2, 3]), &Kept::default(), far, u32::MAX);
     let starts: Vec<&String> = heard.words.iter().filter(|w| w.starts_with("start ")).collect();
     assert_eq!(starts, ["start c0", "start c2", "start c1"], "the ends of an axis come before its middle");
     assert_eq!(words(heard.events.last().unwrap()), "morning");

@@ -7,21 +7,10 @@ use lumbre::experiment::spec::ReferenceRequest;
 use lumbre::experiment::{CellRef, Plan, StopRule};
 use lumbre::value::Value;
 
-use crate::fixtures::{Lab, at, config, ints, whole_at};
+use crate::fixtures::{Lab, at, config, depths, ints, whole_at};
 
 fn paths(plan: &Plan) -> Vec<&str> {
     plan.cells.iter().map(|cell| cell.path.as_str()).collect()
-}
-
-/// Depth from an axis, so that points differ in what they render.
-fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
-    let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
-    });
-    lab
 }
 
 #[test]
@@ -299,8 +288,14 @@ fn an_estimate_counts_every_run_once() {
     let plan = lab.plan();
     let references = 3.0 * 4096.0 * 32.0;
     let whole = plan.estimate(&|_| true);
-    let expected =
-        Estimate { by_time: 1, seconds: 30.0, by_samples: 4, paths: references + 3200.0, unbounded: 1, layer_bytes: 0 };
+    let expected = Estimate {
+        by_time: 1,
+        seconds: 30.0,
+        by_samples: 4,
+        paths: references + 3200.0,
+        unbounded: 1,
+        ..Estimate::default()
+    };
     assert_eq!(whole, expected);
     let left = plan.estimate(&|cell| cell == CellRef::Cell(1));
     assert_eq!(left, Estimate { by_samples: 1, paths: 3200.0, ..Estimate::default() });

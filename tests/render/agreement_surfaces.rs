@@ -45,6 +45,17 @@ fn normal_mapped_floor() {
     }
 }
 
+#[test]
+fn embossed_floor() {
+    for model in [Model::Lambert, Model::Disney] {
+        let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
+        let map = builder.texture(bumps());
+        let tiling = UvMap { scale: 5.0, offset: Vec2::new(0.1, 0.2) };
+        let floor = Material { bump_texture: map, bump_height: 0.3, tiling, model, roughness: 0.4, ..grey(0.7) };
+        agree_with_bpt(&floored(builder, floor), 5, None, 1200);
+    }
+}
+
 /// A leaf of four by four texels from nothing to all.
 fn leaf() -> Texture {
     Texture { width: 4, height: 4, texels: (0..16).map(|i| [(i * 7 % 16) as f32 / 15.0; 3]).collect() }

@@ -32,6 +32,7 @@ pub fn surface(material: &Material) -> Surface<'_> {
         n_shading: NORMAL,
         tangent: TANGENT,
         uv: Default::default(),
+        tint: Vec3::ONE,
         material,
         emitter: NONE,
         overhang: None,

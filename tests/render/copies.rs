@@ -27,6 +27,7 @@ fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>, slot
     let mut m = MeshDesc {
         file: PathBuf::from("m.obj"),
         uvs: positions.iter().map(|p| Vec2::new(p.x, p.y)).collect(),
+        colors: positions.iter().map(|p| p.abs().fract()).collect(),
         positions,
         normals,
         triangle_slot: (0..triangles.len() as u32).map(|i| i % slots.len() as u32).collect(),

@@ -37,6 +37,7 @@ fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDe
         positions: positions.to_vec(),
         normals: normals.to_vec(),
         uvs: uvs.to_vec(),
+        colors: Vec::new(),
         triangle_slot: vec![0; triangles.len()],
         triangles,
         slots: vec!["m".to_owned()],
@@ -151,6 +152,119 @@ fn a_map_never_turns_a_normal_behind_its_triangle() {
     }
 }
 
+/// A bump map of floats.
+fn heights(width: u32, values: Vec<f32>) -> Arc<TextureDesc> {
+    let texels = Texels::RgbaF32(values.iter().map(|h| [*h, *h, *h, 1.0]).collect());
+    let height = values.len() as u32 / width;
+    let content_hash = texture_hash(width, height, &texels);
+    Arc::new(TextureDesc { file: PathBuf::from("h.exr"), width, height, texels, content_hash })
+}
+
+fn embossed(map: Arc<TextureDesc>, bump_height: f32) -> MaterialDesc {
+    let mut m = MaterialDesc { bump_height, ..MaterialDesc::new("m") };
+    m.set_texture(TextureSlot::Bump, Some(map));
+    m
+}
+
+/// Heights that grow by 1 per repeat in u and by `rise` per repeat in v, but for the jump where the map repeats.
+fn ramp(rise: f32) -> Arc<TextureDesc> {
+    let at = |i: u32| ((i % 8) as f32 + 0.5) / 8.0 + rise * (1.0 - ((i / 8) as f32 + 0.5) / 8.0);
+    heights(8, (0..64).map(at).collect())
+}
+
+#[test]
+fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
+    // A height of 0.3 x + 0.2 y in the world, whatever u and v are: on any linear coordinates u = p . a, v = p . b it is
+    // a ramp of u and v whose slopes solve that.
+    let slope = Vec2::new(0.3, 0.2);
+    let expected = Vec3::new(-slope.x, -slope.y, 1.0).normalize_or(Vec3::Z);
+    for (a, b) in [
+        (Vec2::new(0.4, 0.0), Vec2::new(0.0, 0.4)),
+        (Vec2::new(0.1, 0.0), Vec2::new(0.0, 0.9)),
+        (Vec2::new(0.3, 0.1), Vec2::new(0.35, -0.2)),
+        (Vec2::new(-0.2, 0.3), Vec2::new(0.3, 0.25)),
+    ] {
+        // slope = height (a + rise b).
+        let det = a.perp_dot(b);
+        let (along_a, along_b) = (slope.perp_dot(b) / det, a.perp_dot(slope) / det);
+        let uvs =
+            SQUARE.map(|p| Vec2::new(0.5, 0.5) + Vec2::new((p.truncate() - 0.5).dot(a), (p.truncate() - 0.5).dot(b)));
+        for (tiling, map) in [(1.0, ramp(along_b / along_a)), (0.5, ramp(along_b / along_a))] {
+            let m = embossed(map, along_a / tiling);
+            let scene =
+                mesh(&SQUARE, &[], &uvs, MaterialDesc { tiling, uv_offset: Vec2::splat(0.5 - 0.5 * tiling), ..m });
+            for primitive in [0, 1] {
+                for uv in [[0.3, 0.3], [0.4, 0.2]] {
+                    let n = at(&scene, primitive, uv).n_shading;
+                    assert!((n - expected).length() < 1e-5, "{a} {b} {tiling}: {n} instead of {expected}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn bumps_of_a_stretched_entity_are_measured_in_the_world() {
+    let uvs = [Vec2::splat(0.2), Vec2::new(0.8, 0.2), Vec2::splat(0.8), Vec2::new(0.2, 0.8)];
+    let flat = |scale: Vec3| SQUARE.map(|p| p * scale);
+    let n = at(&mesh(&flat(Vec3::new(4.0, 1.0, 1.0)), &[], &uvs, embossed(ramp(1.0), 0.5)), 0, [0.3, 0.3]).n_shading;
+    // 0.6 of a repeat, and so 0.3 of height, on 4 units along x and on 1 along y.
+    let expected = Vec3::new(-0.3 / 4.0, -0.3, 1.0).normalize_or(Vec3::Z);
+    assert!((n - expected).length() < 1e-5, "{n} instead of {expected}");
+}
+
+#[test]
+fn bumps_of_a_sphere_follow_its_longitude_and_latitude() {
+    let radius = 2.0;
+    for (rise, height) in [(0.0, 0.7), (1.0, 0.4), (-0.5, -0.3)] {
+        let mut builder = SceneBuilder::new(Vec3::Z * 9.0, Vec3::ZERO, 40.0);
+        let map = builder.texture(Texture::decode(&ramp(rise), false));
+        let m = Material { bump_texture: map, bump_height: height, ..WHITE };
+        let scene = builder.sphere(Vec3::ZERO, radius, m).build();
+        let n = Vec3::new(0.48, 0.36, 0.8);
+        let ray = Ray { origin: n * 5.0, dir: -n };
+        let s = Surface::at(&scene, &ray, &Hit { t: 3.0, primitive: 0, instance: NONE, uv: [0.0; 2] });
+        // One repeat around the circle of latitude, one repeat from pole to pole.
+        let around = std::f32::consts::TAU * radius * n.x.hypot(n.z);
+        let east = Vec3::new(n.z, 0.0, -n.x).normalize_or(Vec3::X);
+        let slope = east * (height / around) + n.cross(east) * (height * rise / (std::f32::consts::PI * radius));
+        let expected = (n - slope).normalize_or(n);
+        assert!((s.n_shading - expected).length() < 1e-5, "{} instead of {expected}", s.n_shading);
+    }
+}
+
+#[test]
+fn bumps_and_a_normal_map_add_their_slopes_and_flat_ones_change_nothing() {
+    let uvs = [Vec2::splat(0.2), Vec2::new(0.8, 0.2), Vec2::splat(0.8), Vec2::new(0.2, 0.8)];
+    let mut both = embossed(ramp(0.5), 0.5);
+    both.set_texture(TextureSlot::Normal, Some(normal_map(Vec3::new(0.48, -0.36, 0.8))));
+    let n = at(&mesh(&SQUARE, &[], &uvs, both.clone()), 0, [0.3, 0.3]).n_shading;
+    let expected = Vec3::new(0.6 - 0.3, -0.45 - 0.15, 1.0).normalize_or(Vec3::Z);
+    assert!((n - expected).length() < 1e-5, "{n} instead of {expected}");
+    for even in
+        [embossed(heights(4, vec![7.0; 16]), 3.0), embossed(ramp(0.5), 0.0), embossed(heights(1, vec![4.0]), 1.0)]
+    {
+        assert!((at(&mesh(&SQUARE, &[], &uvs, even), 0, [0.3, 0.3]).n_shading - Vec3::Z).length() < 1e-6);
+    }
+    assert_eq!(mesh(&SQUARE, &[], &uvs, embossed(ramp(0.5), 0.0)).materials[0].bump_texture, NONE);
+}
+
+#[test]
+fn bumps_never_turn_a_normal_behind_its_triangle_and_coordinates_without_area_have_none() {
+    let uvs = [Vec2::splat(0.2), Vec2::new(0.8, 0.2), Vec2::splat(0.8), Vec2::new(0.2, 0.8)];
+    let tilted = Vec3::new(0.9, 0.1, 0.3).normalize_or(Vec3::Z);
+    for height in [1e-3, 1.0, 1e3, 1e6] {
+        for normals in [vec![], vec![tilted; 4]] {
+            let scene = mesh(&SQUARE, &normals, &uvs, embossed(ramp(-2.0), height));
+            let s = at(&scene, 0, [0.2, 0.3]);
+            assert!(s.n_shading.dot(s.n_geometric) > 0.0 && (s.n_shading.length() - 1.0).abs() < 1e-5, "{height}");
+        }
+    }
+    for uvs in [vec![], vec![Vec2::splat(0.3); 4]] {
+        assert_eq!(at(&mesh(&SQUARE, &[], &uvs, embossed(ramp(1.0), 1.0)), 0, [0.2, 0.3]).n_shading, Vec3::Z);
+    }
+}
+
 /// A lit floor seen from above, with a sheet of even coverage at `height`.
 fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.0, 0.01), Vec3::ZERO, 30.0);
@@ -234,6 +348,66 @@ fn textures_of_every_role_are_looked_up_where_tiling_and_offset_say() {
 }
 
 #[test]
+fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
+    let file = |colors: Vec<Vec3>| {
+        let mut mesh = MeshDesc {
+            file: PathBuf::from("m.obj"),
+            positions: SQUARE.to_vec(),
+            normals: vec![],
+            uvs: vec![Vec2::splat(0.5); 4],
+            colors,
+            triangles: vec![[0, 1, 1], [0, 1, 2], [0, 2, 3]],
+            slots: vec!["m".to_owned()],
+            triangle_slot: vec![0; 3],
+            content_hash: [0; 32],
+        };
+        mesh.content_hash = mesh_hash(&mesh);
+        EntityDesc {
+            name: "e".to_owned(),
+            transform: Transform::default(),
+            material: None,
+            anisotropic_direction: None,
+            shape: ShapeDesc::Mesh(Arc::new(mesh)),
+        }
+    };
+    let colors = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE];
+    let mut m = MaterialDesc { base_color: Vec3::new(0.8, 0.4, 1.0), ..MaterialDesc::new("m") };
+    m.set_texture(TextureSlot::BaseColor, Some(texel([0.5, 1.0, 0.25])));
+    let base = Vec3::new(0.4, 0.4, 0.25);
+    let plain = mesh(&SQUARE, &[], &[], MaterialDesc::new("m"));
+    let desc = |entities| SceneDesc {
+        views: Vec::new(),
+        resolution: [8, 8],
+        max_depth: 3,
+        camera: plain.camera.clone(),
+        materials: vec![m.clone()],
+        entities,
+        lights: vec![],
+        environment: None,
+    };
+    // The triangle without area is left out, and the meshes before and behind have no colours.
+    let entities = vec![file(vec![]), file(colors.to_vec()), file(vec![])];
+    let (scene, notes) = compile(&desc(entities)).unwrap();
+    assert!(
+        notes.iter().all(|n| n.message.contains("without area") || n.message.contains("nothing emits")),
+        "{notes:?}"
+    );
+    assert_eq!((scene.triangles.len(), scene.colors.len()), (6, 6));
+    for (primitive, expected) in [
+        (0, Vec3::ONE),
+        (2, Vec3::X * 0.5 + Vec3::Y * 0.2 + Vec3::Z * 0.3),
+        (3, Vec3::X * 0.5 + Vec3::Z * 0.2 + Vec3::ONE * 0.3),
+        (5, Vec3::ONE),
+    ] {
+        let found = at(&scene, primitive, [0.2, 0.3]).base_color(&scene.textures);
+        assert!((found - base * expected).length() < 1e-6, "{primitive}: {found}");
+    }
+    assert!(compile(&desc(vec![file(vec![])])).unwrap().0.colors.is_empty(), "nothing is kept where none has any");
+    let e = compile(&desc(vec![file(vec![Vec3::ONE; 3])])).unwrap_err().to_string();
+    assert!(e.contains("4 positions and 3 colours"), "{e}");
+}
+
+#[test]
 fn a_texture_of_directions_turns_the_stretch_of_highlights() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
     let mut m = MaterialDesc { anisotropic: 0.8, ..MaterialDesc::new("m") };
@@ -250,7 +424,14 @@ fn a_texture_of_directions_turns_the_stretch_of_highlights() {
 fn bad_normals_tangents_and_coordinates_never_make_a_film_invalid() {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 40.0);
     let map = builder.texture(Texture { width: 2, height: 1, texels: vec![[0.5, 0.5, 0.0], [0.5, 0.5, 0.5]] });
-    let m = Material { normal_texture: map, anisotropic: 1.0, anisotropic_texture: map, roughness: 0.2, ..WHITE };
+    let m = Material {
+        normal_texture: map,
+        bump_texture: map,
+        anisotropic: 1.0,
+        anisotropic_texture: map,
+        roughness: 0.2,
+        ..WHITE
+    };
     let mut scene = Arc::unwrap_or_clone(
         builder
             .quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, m)

@@ -12,10 +12,10 @@ use lumbre::scene::desc::{
 };
 use lumbre::scene::export;
 use lumbre::scene::shape::{cuboid, grid};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::SOBOL;
 
+use super::common::job;
 use super::{Folder, builtin_path, lines, scn};
 
 /// A scene, exported and read back.
@@ -36,20 +36,7 @@ pub(super) fn picture(desc: &SceneDesc) -> Image {
 /// What `nee` makes of a scene.
 pub(super) fn rendered(desc: &SceneDesc, resolution: [u32; 2], max_depth: u32, samples: u64) -> Image {
     let (scene, _) = compile(desc).unwrap();
-    let job = Job {
-        integrator: integrator("nee").unwrap(),
-        params: Default::default(),
-        resolution,
-        max_depth,
-        rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-        layers: Vec::new(),
-        timing: None,
-        accel: Default::default(),
-        sampler: SOBOL,
-        seed: 7,
-        threads: 0,
-    };
+    let job = Job { integrator: integrator("nee").unwrap(), sampler: SOBOL, ..job(resolution, max_depth, 7) };
     let mut renderer = CpuRenderer::new(Arc::new(scene), job).unwrap();
     renderer.advance(samples).unwrap();
     renderer.film().mean()
@@ -150,6 +137,11 @@ fn surfaces_come_back_as_they_were() {
             (m.model, m.base_color) = (Model::Lambert, Vec3::splat(0.6));
             m.set_texture(TextureSlot::Normal, Some(bumps()));
             m.normal_strength = 1.5;
+        }),
+        material("hammered", |m| {
+            (m.model, m.base_color, m.bump_height) = (Model::Lambert, Vec3::splat(0.6), -0.05);
+            (m.tiling, m.uv_offset) = (2.0, Vec2::new(0.25, 0.5));
+            m.set_texture(TextureSlot::Bump, Some(grain()));
         }),
         material("copper", |m| {
             (m.model, m.roughness, m.distribution) = (Model::Conductor, 0.5, Distribution::Beckmann);

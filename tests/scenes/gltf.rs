@@ -87,6 +87,62 @@ fn every_part_of_a_document_arrives() {
     check(&desc, &lines(&notes));
 }
 
+/// Two triangles of one mesh: one with colours as sixteen bits with an alpha, interleaved with nothing, whose material has its
+/// textures on the second set of coordinates, and one without.
+#[test]
+fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
+    let mut bytes = Vec::new();
+    for p in [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+        p.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    }
+    // At 36: colours of 8 bytes each, padded to 12; at 72 two sets of coordinates, interleaved.
+    for c in [[65_535u16, 0, 0, 65_535], [0, 13_107, 0, 65_535], [0, 0, 65_535, 32_767]] {
+        c.iter().chain(&[7, 7]).for_each(|x| bytes.extend(x.to_le_bytes()));
+    }
+    for [u, v] in [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]] {
+        [u, v, 0.5 * u + 0.25, 0.5 * v].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    }
+    let text = r#"{ "asset": { "version": "2.0" }, "scenes": [ { "nodes": [0] } ], "nodes": [ { "mesh": 0 } ],
+"meshes": [ { "primitives": [
+  { "attributes": { "POSITION": 0, "COLOR_0": 1, "TEXCOORD_0": 2, "TEXCOORD_1": 3 }, "material": 0 },
+  { "attributes": { "POSITION": 0, "TEXCOORD_0": 2 }, "material": 1 } ] } ],
+"materials": [ { "name": "second", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0, "texCoord": 0,
+    "extensions": { "KHR_texture_transform": { "texCoord": 1, "offset": [0.5, 0] } } } },
+    "normalTexture": { "index": 0, "texCoord": 0 }, "extensions": { "KHR_materials_volume": { "thicknessFactor": 1 } } },
+  { "name": "first" } ],
+"textures": [ { "source": 0 } ], "images": [ { "uri": "t.png" } ],
+"accessors": [ { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" },
+  { "bufferView": 1, "componentType": 5123, "normalized": true, "count": 3, "type": "VEC4" },
+  { "bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC2" },
+  { "bufferView": 2, "byteOffset": 8, "componentType": 5126, "count": 3, "type": "VEC2" } ],
+"bufferViews": [ { "buffer": 0, "byteLength": 36 }, { "buffer": 0, "byteOffset": 36, "byteLength": 36, "byteStride": 12 },
+  { "buffer": 0, "byteOffset": 72, "byteLength": 48, "byteStride": 16 } ],
+"buffers": [ { "uri": "b.bin", "byteLength": 120 } ] }"#;
+    let folder = Folder::new(&[("a.gltf", text)]);
+    folder.write("b.bin", &bytes);
+    image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 255])).save(folder.path("t.png")).unwrap();
+    let (desc, notes) = folder.load("a.gltf").unwrap();
+    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else { panic!() };
+    let (green, white) = (Vec3::Y * 0.2, Vec3::ONE);
+    assert_eq!(mesh.colors, [Vec3::X, green, Vec3::Z, white, white, white], "linear, and white where there are none");
+    // The second set, moved, and turned over; of the other material the first.
+    let second = [Vec2::new(0.75, 1.0), Vec2::new(1.25, 1.0), Vec2::new(0.75, 0.5)];
+    assert_eq!(mesh.uvs[..3], second);
+    assert_eq!(mesh.uvs[3..], [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
+    let notes = lines(&notes);
+    for expected in
+        ["COLOR_0: the alpha of colours", "normalTexture: all textures", "`KHR_materials_volume` is not read"]
+    {
+        assert!(notes.contains(expected), "{expected}: {notes}");
+    }
+    let (scene, _) = compile(&desc).unwrap();
+    assert_eq!(scene.tint_at(0, [0.5, 0.25]), Vec3::new(0.25, 0.1, 0.25));
+    for (from, to) in [("\"COLOR_0\": 1", "\"COLOR_0\": 2"), ("\"COLOR_0\": 1", "\"COLOR_0\": 9")] {
+        folder.write("a.gltf", text.replacen(from, to, 1));
+        assert!(folder.load("a.gltf").unwrap_err().to_string().contains("COLOR_0") || to.ends_with('2'));
+    }
+}
+
 #[test]
 fn a_binary_file_says_the_same() {
     let folder = folder();
@@ -105,6 +161,22 @@ fn a_binary_file_says_the_same() {
     for cut in 0..bytes.len() {
         folder.write("b.glb", &bytes[..cut]);
         assert!(folder.load("b.glb").is_err(), "half a file is an error: {cut}");
+    }
+}
+
+#[test]
+fn lamps_are_lights_and_pictures_that_shine_are_not() {
+    let folder = folder();
+    let dark = TEXT.replace(r#""extensions": { "KHR_lights_punctual": { "light": 0 } } }"#, r#""extras": {} }"#);
+    for (text, white) in [
+        (dark.clone(), false),
+        (dark.replace("\"alphaMode\"", "\"emissiveTexture\": { \"index\": 0 }, \"alphaMode\""), true),
+        (dark.replace("\"emissiveFactor\": [1, 0, 0],", ""), true),
+        (TEXT.replace("\"emissiveFactor\": [1, 0, 0],", ""), false),
+    ] {
+        folder.write("a.gltf", text);
+        let (desc, notes) = folder.load("a.gltf").unwrap();
+        assert_eq!((desc.environment.is_some(), lines(&notes).contains("no lamps")), (white, white));
     }
 }
 

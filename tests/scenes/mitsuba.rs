@@ -111,6 +111,12 @@ fn surfaces_become_the_models_that_they_are() {
     );
     assert!(m.mask_mode == MaskMode::Blend && m.texture(TextureSlot::Mask).is_some());
     assert_eq!(m.base_color, Vec3::splat(0.5));
+    let (m, notes) = surface(
+        r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard" name="any"><transform name="to_uv"><scale value="4"/></transform>
+</texture><float name="scale" value="0.02"/><bsdf type="twosided"><bsdf type="roughplastic"/></bsdf></bsdf>"#,
+    );
+    assert_eq!((m.model, m.bump_height, m.tiling), (Model::Plastic, 0.02, 4.0));
+    assert!(m.texture(TextureSlot::Bump).is_some() && notes.is_empty(), "{notes}");
     let (m, notes) = surface(r#"<bsdf type="hair" id="s"><float name="x" value="1"/></bsdf>"#);
     assert!(m.model == Model::Lambert && notes.contains("`hair` is not known"), "{notes}");
 }

@@ -129,12 +129,32 @@ fn mtl_materials_arrive_by_name() {
 }
 
 #[test]
+fn bumps_of_an_mtl_are_heights_or_normals_as_their_pictures_are() {
+    let folder =
+        obj("newmtl a\nmap_bump -bm 0.25 heights.png\nnewmtl b\nbump -bm 2 normals.png\nmap_bump -bm 2 normals.png\n\
+                      newmtl c\nbump heights.png\n");
+    image::GrayImage::from_pixel(2, 2, image::Luma([90])).save(folder.path("heights.png")).unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([120, 140, 250])).save(folder.path("normals.png")).unwrap();
+    let (desc, notes) = folder.load("m.obj").unwrap();
+    let of = |name: &str| &desc.materials[desc.material_row(name).unwrap()];
+    let (a, b) = (of("a"), of("b"));
+    assert_eq!((a.bump_height, stored(a, TextureSlot::Bump), stored(a, TextureSlot::Normal)), (0.25, Some(90), None));
+    assert_eq!(
+        (b.normal_strength, stored(b, TextureSlot::Normal), stored(b, TextureSlot::Bump)),
+        (2.0, Some(120), None)
+    );
+    let notes = lines(&notes);
+    assert_eq!(notes.matches("the bumps of `b` are normals").count(), 1, "{notes}");
+    assert!(notes.contains("the bumps of `c` are 1 scene unit high") && !notes.contains("bumps of `a`"), "{notes}");
+}
+
+#[test]
 fn what_an_mtl_cannot_say_is_noted_and_what_is_wrong_is_an_error() {
     let (desc, notes) = materials(
-        "newmtl a\nbump -bm 0.5 h.png\nbump h.png\nNi 0\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
+        "newmtl a\ndisp -bm 0.5 h.png\ndisp h.png\nNi 0\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
     );
     for part in [
-        "line 2: statements `bump` are not read",
+        "line 2: statements `disp` are not read",
         "line 4: 0 is outside 0.01 to 100: 0.01 is used",
         "line 5: 2 is outside 0 to 1",
         "line 6: the option `-s`",

@@ -88,6 +88,23 @@ s:add { shape = table_, material = \"clay\", name = \"table\", at = { 0, 0, 10 }
 }
 
 #[test]
+fn colours_of_vertices_survive_being_joined_and_have_a_range() {
+    let painted = "shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 } }, triangles = { { 1, 2, 3 } },
+  colors = { { 1, 0, 0 }, { 0, 0.5, 0 }, { 0, 0, 1 } } }";
+    let s = made(&format!(
+        "local ball = shape.ball {{ radius = 1, splits = 1 }}
+s:add {{ shape = shape.join({{ {{ shape = ball }}, {{ shape = {painted} }} }}), material = \"clay\" }}"
+    ));
+    let (c, _) = compile(&s).unwrap();
+    let last = c.triangles.len() as u32 - 1;
+    assert_eq!((c.tint_at(0, [0.2, 0.2]), c.tint_at(last, [0.5, 0.25])), (Vec3::ONE, Vec3::new(0.25, 0.25, 0.25)));
+    let e = refused(&format!("s:add {{ shape = {}, material = \"clay\" }}", painted.replace("0.5", "1.5")));
+    assert!(e.contains("colour 2 lies outside 0 to 1"), "{e}");
+    let e = refused(&format!("s:add {{ shape = {}, material = \"clay\" }}", painted.replace("{ 0, 0.5, 0 }, ", "")));
+    assert!(e.contains("3 positions and 2 colors"), "{e}");
+}
+
+#[test]
 fn uneven_scales_come_before_turns() {
     let s = made(
         "s:add { shape = shape.box { size = { 1, 1, 1 } }, material = \"clay\", scale = { 4, 1, 1 }, rotate = 90 }",

@@ -452,6 +452,9 @@ pub struct BenchArgs {
     /// real folder below --out
     #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend"])]
     pub cluster_sim: bool,
+    /// Measure the program's own overheads and nothing else
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend", "cluster_sim"])]
+    pub overheads: bool,
     /// Measure rays through the hierarchy and nothing else
     #[arg(long, conflicts_with = "mpaths")]
     pub traversal: bool,

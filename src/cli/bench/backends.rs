@@ -9,13 +9,10 @@ use serde_json::{Value as Json, json};
 use crate::cli::load;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
-use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, backend};
 use crate::scene::load::Missing;
 use crate::scene::{CompiledScene, compile};
-use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
-use crate::transport::sampler::INDEPENDENT;
 
 /// Edges of the paths, as in the tables of the first source.
 const MAX_DEPTH: u32 = 5;
@@ -76,20 +73,7 @@ fn one(
     repeats: usize,
 ) -> Result<Row, String> {
     let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`; `lumbre doctor` lists them"))?;
-    let job = Job {
-        integrator,
-        params: Default::default(),
-        resolution,
-        max_depth: MAX_DEPTH,
-        rr_start: None,
-        filter: FilterSpec::PIXEL,
-        layers: Vec::new(),
-        timing: None,
-        sampler: INDEPENDENT,
-        accel: AccelSpec::default(),
-        seed: 1,
-        threads: 0,
-    };
+    let job = Job::plain(integrator, resolution, MAX_DEPTH, 1);
     let start = Instant::now();
     let mut renderer = (row.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     let open_s = start.elapsed().as_secs_f64();

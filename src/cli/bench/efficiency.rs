@@ -15,12 +15,9 @@ use serde_json::{Value as Json, json};
 
 use crate::film::Film;
 use crate::math::stats::median;
-use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, backend};
 use crate::scene::CompiledScene;
-use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::transport::integrator::IntegratorRow;
-use crate::transport::sampler::INDEPENDENT;
 
 /// The relative error to which times are given.
 pub const RELATIVE_RMSE: f64 = 0.05;
@@ -58,20 +55,7 @@ pub fn measure(
     threads: usize,
     repeats: usize,
 ) -> Result<Measured, String> {
-    let job = Job {
-        integrator,
-        params: Default::default(),
-        resolution: scene.resolution,
-        max_depth: scene.max_depth,
-        rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-        layers: Vec::new(),
-        timing: None,
-        sampler: INDEPENDENT,
-        accel: AccelSpec::default(),
-        seed: 1,
-        threads,
-    };
+    let job = Job { threads, ..Job::plain(integrator, scene.resolution, scene.max_depth, 1) };
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
+use super::clock;
 use crate::film::Image;
 use crate::math::rng::{pcg4d, unit};
 use crate::math::stats::median;
@@ -13,15 +14,17 @@ use crate::metrics::gauge::Gauge;
 use crate::metrics::{METRICS, MetricSpec};
 
 /// The pictures' width and height in pixels.
-const SIZE: [u32; 2] = [1280, 720];
+pub(super) const SIZE: [u32; 2] = [1280, 720];
 
 /// The metrics of the first source's protocol, which `scripts/overnight.lua` measures every half second.
-const PROTOCOL: [&str; 4] = ["mse", "rmse", "ssim", "flip"];
+pub(super) const PROTOCOL: [&str; 4] = ["mse", "rmse", "ssim", "flip"];
 
 /// The time that one metric takes, or several together.
 pub struct Row {
     metric: String,
     seconds: f64,
+    /// Processor time of all threads, where the system tells.
+    processor_s: Option<f64>,
 }
 
 /// Times every metric with its default options on a noisy picture and another of the same, and those of the protocol
@@ -30,13 +33,16 @@ pub struct Row {
 pub fn measure(repeats: usize) -> Vec<Row> {
     let (image, reference) = (picture(1), Arc::new(picture(2)));
     let time = |metric: String, run: &dyn Fn()| {
-        let seconds = || {
-            let start = Instant::now();
+        run();
+        let (mut seconds, mut processor) = (Vec::new(), Vec::new());
+        for _ in 0..repeats {
+            let (start, before) = (Instant::now(), clock::process_s());
             run();
-            start.elapsed().as_secs_f64()
-        };
-        seconds();
-        Row { metric, seconds: median((0..repeats).map(|_| seconds())) }
+            seconds.push(start.elapsed().as_secs_f64());
+            processor.extend(before.zip(clock::process_s()).map(|(before, after)| after - before));
+        }
+        let processor_s = (!processor.is_empty()).then(|| median(processor));
+        Row { metric, seconds: median(seconds), processor_s }
     };
     // The values are of no interest; sizes agree and suffice for every window.
     let alone = |spec: MetricSpec| {
@@ -51,7 +57,7 @@ pub fn measure(repeats: usize) -> Vec<Row> {
 }
 
 /// Patches of colour under noise of a given seed.
-fn picture(seed: u32) -> Image {
+pub(super) fn picture(seed: u32) -> Image {
     Image::from_fn(SIZE[0], SIZE[1], |x, y| {
         [0, 1, 2].map(|c| {
             let [grain, patch] = [pcg4d([x, y, c, seed]), pcg4d([x / 16, y / 16, c, 0])].map(|w| unit(w[0]));
@@ -63,13 +69,15 @@ fn picture(seed: u32) -> Image {
 /// The lines of the table for people.
 pub fn table(rows: &[Row]) -> String {
     let line = |row: &Row| {
-        format!("{:<37}{:>9.1} ms\n", format!("{}, {}x{}", row.metric, SIZE[0], SIZE[1]), row.seconds * 1e3)
+        let spent = row.processor_s.map_or_else(String::new, |s| format!(", {:.1} ms of processor time", s * 1e3));
+        format!("{:<37}{:>9.1} ms{spent}\n", format!("{}, {}x{}", row.metric, SIZE[0], SIZE[1]), row.seconds * 1e3)
     };
     rows.iter().map(line).collect()
 }
 
-/// Seconds by metric.
+/// Seconds by metric, of the clock and of processors.
 pub fn to_json(rows: &[Row]) -> Json {
     let seconds: serde_json::Map<_, _> = rows.iter().map(|r| (r.metric.clone(), r.seconds.into())).collect();
-    json!({ "width": SIZE[0], "height": SIZE[1], "seconds": seconds })
+    let spent: serde_json::Map<_, _> = rows.iter().map(|r| (r.metric.clone(), r.processor_s.into())).collect();
+    json!({ "width": SIZE[0], "height": SIZE[1], "seconds": seconds, "processor_s": spent })
 }

@@ -2,8 +2,11 @@
 
 mod backends;
 mod checkpoint;
+mod clock;
 mod cluster;
+mod dashboard;
 mod efficiency;
+mod long;
 mod metrics;
 mod night;
 mod rates;
@@ -59,7 +62,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         return compare_backends(args, &scenes, say);
     }
     let mut rows = Vec::new();
-    for (name, file) in &scenes {
+    for (name, file) in scenes.iter().filter(|_| !args.overheads) {
         say(&format!("measuring {name}"));
         rows.push(rates::measure(name, file, threads, repeats, [!args.mpaths, !args.traversal])?);
     }
@@ -100,6 +103,14 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         let scale = scale::Scale::measure(&plan)?;
         text += &scale.table();
         json["scale_10000_runs"] = scale.to_json();
+        say("measuring a night of short cells");
+        let long = long::Long::measure()?;
+        text += &long.table();
+        json["night_of_short_cells"] = long.to_json();
+        say("measuring the dashboard");
+        let screens = dashboard::measure()?;
+        text += &dashboard::table(&screens);
+        json["dashboard"] = dashboard::to_json(&screens);
         say("measuring the metrics");
         let times = metrics::measure(repeats);
         text += &format!("\n{}", metrics::table(&times));

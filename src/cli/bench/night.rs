@@ -77,8 +77,30 @@ pub fn plan_10_000_cells() -> Result<(Plan, f64), String> {
     if plan.cells.len() == 10_000 { Ok((plan, seconds)) } else { Err(format!("planned {} cells", plan.cells.len())) }
 }
 
+/// A plan of one cell of a size, which is measured by these metrics.
+///
+/// # Errors
+/// When the plan cannot be made, with a message for people.
+pub(super) fn plan_of_one_cell([width, height]: [u32; 2], metrics: &[&str]) -> Result<Plan, String> {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let scene = folder.path().join("ball.scn");
+    std::fs::write(&scene, BALL).map_err(|e| e.to_string())?;
+    let metrics: String = metrics.iter().map(|name| format!("{name} = metric.{name}(), ")).collect();
+    let text = format!(
+        "local x = experiment('bench', {{ seed = 1 }})\n\
+         x:render(function(p) return {{ scene = {:?}, integrator = 'bpt', resolution = {{ {width}, {height} }},\n\
+           backend = 'cpu' }} end)\n\
+         x:reference {{ stop = stop.samples(4) }}\n\
+         x:measure {{ every = '0.5s', {metrics} }}\n\
+         x:stop(stop.time('1h'))\n\
+         return x\n",
+        scene.display().to_string()
+    );
+    Ok(planned(&text)?.1)
+}
+
 /// A sphere that shines on another.
-const BALL: &str = r#"{ "resolution": [64, 64], "maxdepth": 5,
+pub(super) const BALL: &str = r#"{ "resolution": [64, 64], "maxdepth": 5,
   "camera": { "position": [0, 0, 5], "lookat": [0, 0, 0], "fov": 40 },
   "materials": [ { "name": "ball", "color": [0.8, 0.8, 0.8] }, { "name": "lamp", "emission": [5, 5, 5] } ],
   "entities": [ { "type": "sphere", "position": [0, 0, 0], "radius": 1, "material": "ball" },

@@ -123,7 +123,11 @@ fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
 
 /// Bytes of this process in memory, on systems that tell it in a file.
 fn resident() -> Option<u64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
+    resident_of(&fs::read_to_string("/proc/self/status").ok()?)
+}
+
+/// Bytes of a process in memory, from what its file says.
+pub(super) fn resident_of(status: &str) -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kb| kb * 1024)
 }

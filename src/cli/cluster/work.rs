@@ -172,6 +172,7 @@ impl Worker<'_> {
             only: chosen,
             paces: Paces::default(),
             done: BTreeSet::new(),
+            memory: None,
             begin: Some(if self.args.affinity == Affinity::None { Begin::Cell(turn) } else { Begin::Group(turn) }),
         })
     }

@@ -9,11 +9,8 @@ use super::{Outcome, SIGNIFICANCE, Verdict};
 use crate::film::{Film, Image};
 use crate::metrics::ztest::{self, Estimate, ZTest};
 use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, Renderer};
 use crate::scene::CompiledScene;
-use crate::transport::camera::{FilterKind, FilterSpec};
-use crate::transport::sampler::INDEPENDENT;
 
 /// A sum over pixels is called normal if so many samples are expected to have found the light in it.
 const ENOUGH_FINDS: f64 = 50.0;
@@ -87,18 +84,10 @@ impl Picture {
 /// When the backend fails, or when samples are NaN or infinite, with a message for people.
 pub fn render(scene: &Arc<CompiledScene>, technique: &Technique, setting: Setting) -> Result<Picture, String> {
     let job = Job {
-        integrator: technique.row,
         params: technique.params.clone(),
-        resolution: setting.resolution,
-        max_depth: setting.max_depth,
         rr_start: setting.rr_start,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-        layers: Vec::new(),
-        timing: None,
-        sampler: INDEPENDENT,
-        accel: AccelSpec::default(),
-        seed: setting.seed,
         threads: setting.threads,
+        ..Job::plain(technique.row, setting.resolution, setting.max_depth, setting.seed)
     };
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     let wave = renderer.advance(setting.samples).map_err(|e| e.to_string())?;

@@ -2,11 +2,9 @@
 
 use super::{Plan, ReferenceSource};
 use crate::experiment::event::CellRef;
+use crate::experiment::memory::{beside_bytes, run_bytes};
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
-use crate::film::layer::Layout;
-use crate::film::time;
-use crate::transport::integrator::integrator;
 
 /// Bounds on the work of a plan. Every run is counted in exactly one of the three counts.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,6 +21,10 @@ pub struct Estimate {
     pub unbounded: usize,
     /// The most bytes of memory that the layers and bins of one of those runs take.
     pub layer_bytes: u64,
+    /// The most runs that are rendered in turns; 0 where none are.
+    pub heat_runs: usize,
+    /// The most bytes of memory that runs take together which are rendered in turns.
+    pub heat_bytes: u64,
 }
 
 impl Plan {
@@ -38,6 +40,14 @@ impl Plan {
         for (_, cell) in self.cells.iter().enumerate().filter(|(i, _)| counts(CellRef::Cell(*i))) {
             estimate.add(&cell.config, &cell.stop);
         }
+        for heat in self.heats(false) {
+            let runs = heat.iter().filter(|i| counts(CellRef::Cell(**i)));
+            let bytes: Vec<u64> = runs.map(|i| run_bytes(&self.cells[*i].config)).collect();
+            if bytes.len() > 1 {
+                estimate.heat_runs = estimate.heat_runs.max(bytes.len());
+                estimate.heat_bytes = estimate.heat_bytes.max(bytes.iter().sum());
+            }
+        }
         estimate
     }
 }
@@ -45,14 +55,8 @@ impl Plan {
 impl Estimate {
     fn add(&mut self, config: &CellConfig, stop: &StopRule) {
         let [width, height] = config.resolution.unwrap_or_default();
-        let count = u64::from(width) * u64::from(height);
-        let pixels = count as f64;
-        // The plan has none that is refused.
-        let layers =
-            Layout::new(&config.films, config.max_depth.unwrap_or(1), count).map_or(0, |layout| layout.bytes());
-        let splats = integrator(&config.integrator).is_some_and(|row| row.splats);
-        let bins = config.timing.as_ref().and_then(|timing| time::bytes(&timing.axis, count, splats).ok()).unwrap_or(0);
-        self.layer_bytes = self.layer_bytes.max(layers + bins);
+        let pixels = f64::from(width) * f64::from(height);
+        self.layer_bytes = self.layer_bytes.max(beside_bytes(config));
         match (stop.time_limit_s(), stop.sample_limit()) {
             (Some(seconds), _) => {
                 self.by_time += 1;

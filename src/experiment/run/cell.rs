@@ -11,18 +11,20 @@ use super::tries::{Broken, Try};
 use super::waves::Waves;
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
+use crate::experiment::memory;
 use crate::experiment::plan::identity;
 use crate::experiment::spec::{CellConfig, Snapshots, Warmup};
 use crate::experiment::standing::Standing;
 use crate::experiment::stop::StopRule;
 use crate::film::layer::LayerImage;
-use crate::film::time::TimeCube;
+use crate::film::time::{TimeCube, bytes};
 use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
 use crate::render::halves::Halves;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
 use crate::scene::{CompiledScene, SceneDesc};
+use crate::transport::flight::Timing;
 use crate::transport::integrator::external::is_external;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
@@ -33,6 +35,9 @@ const SLICE_S: f64 = 1.0;
 
 /// The same for runs that take turns: the shorter the turns, the more alike is what they find.
 const TURN_S: f64 = 0.5;
+
+/// The most bytes of light by time that are copied to be shown while a run renders: 256 MiB, a tenth of a second.
+const MAX_SHOWN_BYTES: u64 = 256 << 20;
 
 /// What a run is to render.
 #[derive(Clone)]
@@ -123,6 +128,8 @@ pub(super) struct Running<'a> {
     pub(super) how: Try,
     /// Its layers, once it is done.
     layers: Vec<LayerImage>,
+    /// Samples per pixel at which its light by time was shown last.
+    shown: u64,
     /// Turns that it has had.
     turns: u64,
     /// When its turn began, and what its wall clock showed then.
@@ -133,7 +140,7 @@ impl<'a> Running<'a> {
     pub(super) fn new(work: Work<'a>) -> Running<'a> {
         let turn = (Instant::now(), 0.0);
         let (how, layers) = (Try::default(), Vec::new());
-        Running { work, progress: Progress::default(), waves: None, gauge: None, how, layers, turns: 0, turn }
+        Running { work, progress: Progress::default(), waves: None, gauge: None, how, layers, shown: 0, turns: 0, turn }
     }
 
     /// Render time so far, and turns.
@@ -148,7 +155,7 @@ impl<'a> Running<'a> {
 
     /// Forgets what was rendered, so that the next turn begins.
     fn rewind(&mut self) {
-        (self.progress, self.waves) = (Progress::default(), None);
+        (self.progress, self.waves, self.shown) = (Progress::default(), None, 0);
     }
 
     fn wall_s(&self) -> f64 {
@@ -337,7 +344,23 @@ impl<'a> Night<'a, '_> {
         let row = WaveRow { wall_s, measure_s: before_s + measure_s, metrics, ..standing.close_wave() };
         let pow2 = row.samples.is_power_of_two();
         standing.rows.push(row.clone());
-        self.emit(&Event::Wave { cell: run.work.cell, row, measure_s, image, pow2 })
+        let (cell, samples) = (run.work.cell, row.samples);
+        self.emit(&Event::Wave { cell, row, measure_s, image, pow2 })?;
+        if samples >= 2 * run.shown && self.shows_times(&run.work) {
+            run.shown = samples;
+            if let Some(times) = run.progress.renderer.as_ref().and_then(|renderer| renderer.times()) {
+                self.emit(&Event::Times { cell, times: Arc::new(times) })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether somebody shows the light by time of a run that is small enough to be copied while it renders.
+    fn shows_times(&self, work: &Work<'_>) -> bool {
+        let [width, height] = work.config.resolution.unwrap_or_default();
+        let pixels = u64::from(width) * u64::from(height);
+        let small = |timing: &Timing| bytes(&timing.axis, pixels, false).is_ok_and(|bytes| bytes <= MAX_SHOWN_BYTES);
+        work.config.timing.as_ref().is_some_and(small) && self.sinks.iter().any(|sink| sink.shows_times())
     }
 
     /// Renders what a cell of the plan has before its clock starts, and throws it away.
@@ -512,6 +535,16 @@ pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Res
         Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples").into()),
         stats => Ok(stats?),
     }
+}
+
+/// Why runs cannot take turns, since all of them would be in memory at once.
+pub(super) fn crowded(field: &[(Running<'_>, Floors)], memory: Option<u64>) -> Option<String> {
+    if field.len() < 2 {
+        return None;
+    }
+    let free = memory.or_else(|| memory::machine().map(|[free, _]| free))?;
+    let need = field.iter().map(|(run, _)| memory::run_bytes(run.work.config)).sum();
+    memory::refusal(field.len(), need, free)
 }
 
 /// The images of a renderer's layers; the sums of one at a time are in memory twice.

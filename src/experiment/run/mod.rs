@@ -118,6 +118,8 @@ pub struct Options {
     /// When the night ends, finished or not. References are then rendered when a cell first needs them, and cells come
     /// from coarse to fine: [`Plan::coarse_to_fine`].
     pub deadline: Option<SystemTime>,
+    /// Bytes of memory that runs which take turns may take together; where it is not said, what the machine has free.
+    pub memory: Option<u64>,
     /// The cells and references to carry out, where it is not all of them.
     pub only: Option<BTreeSet<CellRef>>,
     /// How fast runs of earlier nights were, for the forecast.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 use super::agreement::Compared;
-use super::cell::{Ended, Running, Work};
+use super::cell::{Ended, Running, Work, crowded};
 use super::patience::Patience;
 use super::{CellResult, NightSummary, Options, RunError, Seams};
 use crate::experiment::WaveRow;
@@ -57,7 +57,7 @@ pub(super) struct Night<'a, 's> {
     pub(super) control: &'a Control,
     pub(super) options: Options,
     pub(super) history: &'a dyn History,
-    sinks: &'a mut [&'s mut dyn Sink],
+    pub(super) sinks: &'a mut [&'s mut dyn Sink],
     truths: Vec<Truth>,
     /// References that another process had a moment ago, and which process that is.
     away: BTreeMap<usize, (String, Instant)>,
@@ -458,7 +458,15 @@ impl<'a, 's> Night<'a, 's> {
             // A line that cannot be written is no reason not to render.
             let _ = self.say(Level::Info, first.0.work.cell, text);
         }
-        self.race(field);
+        match crowded(&field, self.options.memory) {
+            Some(reason) => {
+                for (run, _) in field {
+                    self.finish(run.work.cell, Ended::failed(reason.clone()));
+                    self.history.release(self.plan, run.work.cell);
+                }
+            }
+            None => self.race(field),
+        }
         elsewhere
     }
 

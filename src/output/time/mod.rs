@@ -9,14 +9,14 @@ mod still;
 
 pub use animation::{apng, gif};
 pub use curve::{Curve, csv, figure};
-pub use npy::{decode as read_array, encode as array};
+pub use npy::{decode as read_array, encode as array, read_numbers, read_shape};
 pub use still::{arrival, arrival_picture, sheet, streak_x, streak_y};
 
 use std::ops::Range;
 
 use super::OutputError;
 use crate::film::Image;
-use crate::film::time::{TimeAxis, TimeCube};
+use crate::film::time::{CUBE_FILE, TimeAxis, TimeCube, unit_of};
 use crate::metrics::tonemap::Tonemap;
 use crate::transport::light::luminance;
 
@@ -136,9 +136,8 @@ impl Movie {
 }
 
 fn time_words(seconds: f64) -> String {
-    let units = [(1e-15, "fs"), (1e-12, "ps"), (1e-9, "ns"), (1e-6, "us"), (1e-3, "ms"), (1.0, "s")];
-    let fits = units.iter().rev().find(|(unit, _)| seconds.abs() >= *unit).unwrap_or(&units[0]);
-    format!("{} {}", super::labels::significant(seconds / fits.0, 4), fits.1)
+    let (unit, name) = unit_of(seconds);
+    format!("{} {name}", super::labels::significant(seconds / unit, 4))
 }
 
 /// The luminance of linear sRGB.
@@ -178,7 +177,7 @@ pub fn files(cube: &TimeCube, seconds: Option<f64>, meta: &[(String, String)]) -
         .flat_map(|(x, y)| (1..=bins).map(move |slot| cube.variance_of_mean(x as u32, y as u32, slot)))
         .flatten();
     let mut files = vec![
-        TimeFile { name: "time-cube.npy".into(), bytes: array(&[h, w, bins, 3], movie.mean.iter().flatten().copied()) },
+        TimeFile { name: CUBE_FILE.into(), bytes: array(&[h, w, bins, 3], movie.mean.iter().flatten().copied()) },
         TimeFile { name: "time-outside.npy".into(), bytes: array(&[h, w, 2, 3], outside) },
         TimeFile { name: "time-variance.npy".into(), bytes: array(&[h, w, bins, 3], variance) },
     ];

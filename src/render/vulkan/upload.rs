@@ -218,6 +218,7 @@ fn material(m: &compile::Material) -> layout::Material {
         clearcoat_gloss: m.clearcoat_gloss,
         smooth_below: m.smooth_below,
         normal_strength: m.normal_strength,
+        bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,
         mask_mode: match m.mask_mode {
             MaskMode::Threshold => 0,
@@ -232,6 +233,7 @@ fn material(m: &compile::Material) -> layout::Material {
         opacity_texture: m.opacity_texture,
         anisotropic_texture: m.anisotropic_texture,
         normal_texture: m.normal_texture,
+        bump_texture: m.bump_texture,
         tiling_scale: m.tiling.scale,
         tiling_offset: m.tiling.offset.into(),
         emitter_reflects: m.emitter_reflects.into(),
@@ -246,14 +248,18 @@ fn material(m: &compile::Material) -> layout::Material {
     }
 }
 
-/// Textures and their texels, the environment's map last.
+fn map_of(scene: &CompiledScene) -> Option<&compile::Texture> {
+    scene.environment.as_ref().and_then(|e| e.map.as_deref())
+}
+
+/// Textures and their texels, the environment's map last; behind those the colours of vertices.
 fn textures(scene: &CompiledScene) -> (Vec<layout::Texture>, Vec<[f32; 3]>) {
-    let map = scene.environment.as_ref().and_then(|e| e.map.as_deref());
     let (mut rows, mut texels) = (Vec::new(), Vec::new());
-    for t in scene.textures.iter().chain(map) {
+    for t in scene.textures.iter().chain(map_of(scene)) {
         rows.push(layout::Texture { first: texels.len() as u32, width: t.width, height: t.height });
         texels.extend_from_slice(&t.texels);
     }
+    texels.extend(scene.colors.as_flattened().iter().map(Vec3::to_array));
     (rows, texels)
 }
 
@@ -332,6 +338,10 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: 
         triangle_count: scene.triangles.len() as u32,
         sphere_count: scene.spheres.len() as u32,
         has_tangents: u32::from(!scene.tangents.is_empty()),
+        first_color: match scene.colors.is_empty() {
+            true => NONE,
+            false => scene.textures.iter().chain(map_of(scene)).map(|t| t.texels.len() as u32).sum(),
+        },
         light_count: lights.count() as u32,
         light_first: lights.first,
         alias_shift: lights.choice.as_ref().map_or(NONE, |alias| alias.shift),

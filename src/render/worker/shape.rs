@@ -29,8 +29,8 @@ structs! {
     Material {
         base_color, emission, model, roughness, metallic, opacity, ior, subsurface, specular_tint, anisotropic,
         anisotropic_direction, sheen, sheen_tint, clearcoat, clearcoat_gloss, smooth_below, normal_strength,
-        mask_threshold, mask_mode, shadow_terminator, base_color_texture, emission_texture, mask_texture,
-        roughness_texture, metallic_texture, opacity_texture, anisotropic_texture, normal_texture, tiling,
+        bump_height, mask_threshold, mask_mode, shadow_terminator, base_color_texture, emission_texture, mask_texture,
+        roughness_texture, metallic_texture, opacity_texture, anisotropic_texture, normal_texture, bump_texture, tiling,
         emitter_reflects, interface,
     }
     Interface { specular, eta, k, distribution, thin, nonlinear, internal_reflectance }
@@ -68,11 +68,12 @@ impl Wire for CompiledScene {
     fn put(&self, to: &mut Vec<u8>) {
         let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays, .. } = self;
         let CompiledScene { instances, textures, emitters, points, directionals, environment, camera, .. } = self;
-        let CompiledScene { bounds, resolution, max_depth, .. } = self;
+        let CompiledScene { bounds, resolution, max_depth, colors, .. } = self;
         content_hash.put(to);
         triangles.put(to);
         attributes.put(to);
         tangents.put(to);
+        colors.put(to);
         instances.put(to);
         spheres.put(to);
         materials.put(to);
@@ -94,6 +95,7 @@ impl Wire for CompiledScene {
             triangles: Wire::take(from)?,
             attributes: Wire::take(from)?,
             tangents: Wire::take(from)?,
+            colors: Wire::take(from)?,
             instances: Wire::take(from)?,
             spheres: Wire::take(from)?,
             materials: Wire::take(from)?,

@@ -8,7 +8,9 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::instance::{Instances, cofactor};
 use super::share::{self, Part, Sharing};
-use super::{CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, bounds, lights, materials, tangents};
+use super::{
+    CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, bounds, colors, lights, materials, tangents,
+};
 use crate::math::distribution::Alias;
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
 use crate::scene::{Note, SceneError};
@@ -55,6 +57,7 @@ pub fn compile_sharing(desc: &SceneDesc, sharing: Sharing) -> Result<(CompiledSc
         attributes: Vec::new(),
         instances: Instances::default(),
         tangents: Vec::new(),
+        colors: Vec::new(),
         spheres: Vec::new(),
         materials: rows,
         delays,
@@ -191,7 +194,7 @@ fn add_mesh(scene: &mut CompiledScene, part: &Part, names: &mut Names) -> Result
         return Err(fail(format!("its vertex {i} lies at {}, not within {MAX_COORDINATE:e} of the origin", world[i])));
     }
     let first = scene.triangles.len();
-    let mut dropped = [0usize; 2];
+    let (mut dropped, mut tints) = ([0usize; 2], Vec::new());
     for (corners, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
         // A mirrored triangle keeps its front when its corners run the other way round.
         let corners = if mirrors { [corners[0], corners[2], corners[1]] } else { *corners };
@@ -214,7 +217,9 @@ fn add_mesh(scene: &mut CompiledScene, part: &Part, names: &mut Names) -> Result
             emitter,
         });
         scene.triangles.push(points);
+        colors::gather(mesh, corners, &mut tints);
     }
+    colors::add(scene, first, &tints);
     let uses = scene.attributes[first..].iter().any(|a| scene.uses_tangents(a.material));
     tangents::add(scene, first, uses, !mesh.uvs.is_empty());
     note_dropped(dropped, part, &mut names.notes);
@@ -236,7 +241,8 @@ pub(super) fn note_dropped(dropped: [usize; 2], part: &Part, notes: &mut Vec<Not
 
 fn check_arrays(mesh: &MeshDesc) -> Result<(), String> {
     let n = mesh.positions.len();
-    for (what, len) in [("normals", mesh.normals.len()), ("texture coordinates", mesh.uvs.len())] {
+    let of = [("normals", mesh.normals.len()), ("texture coordinates", mesh.uvs.len()), ("colours", mesh.colors.len())];
+    for (what, len) in of {
         if len != 0 && len != n {
             return Err(format!("the mesh has {n} positions and {len} {what}"));
         }
@@ -345,6 +351,7 @@ mod tests {
             positions,
             normals,
             uvs: vec![],
+            colors: vec![],
             triangle_slot: vec![0; triangles.len()],
             triangles,
             slots: vec!["m".to_owned()],

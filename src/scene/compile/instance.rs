@@ -29,7 +29,7 @@ pub struct Instances {
 /// A mesh that is kept once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SharedMesh {
-    /// Its rows in [`CompiledScene::triangles`], [`CompiledScene::attributes`], and where there are any, tangents.
+    /// Its rows in [`CompiledScene::triangles`], [`CompiledScene::attributes`], and where there are any, tangents and colours.
     pub triangles: Range<u32>,
     /// Those of its triangles that shine, in their order. The `emitter` of a shared triangle is its place among them, or
     /// [`NONE`].
@@ -89,34 +89,40 @@ impl CompiledScene {
     #[inline]
     pub fn corners(&self, primitive: u32, instance: u32) -> [Vec3; 3] {
         let corners = self.triangles[primitive as usize];
-        match self.instances.places.get(instance as usize) {
-            Some(place) => corners.map(|p| place.point(p)),
-            None => corners,
-        }
+        if instance == NONE { corners } else { corners.map(|p| self.place(instance).point(p)) }
     }
 
     /// The corners of a triangle, and the unit shading normals there, in world space.
     #[inline]
     pub fn triangle(&self, primitive: u32, instance: u32) -> ([Vec3; 3], [Vec3; 3]) {
-        let corners = self.corners(primitive, instance);
-        let normals = self.attributes[primitive as usize].normals;
-        match self.instances.places.get(instance as usize) {
-            Some(place) => (corners, place.normals(normals, corners)),
-            None => (corners, normals),
+        if instance != NONE {
+            return self.copied(primitive, instance);
         }
+        (self.triangles[primitive as usize], self.attributes[primitive as usize].normals)
+    }
+
+    /// The same of a copy: apart, so that what is not shared does not pay for it.
+    #[cold]
+    #[inline(never)]
+    fn copied(&self, primitive: u32, instance: u32) -> ([Vec3; 3], [Vec3; 3]) {
+        let corners = self.corners(primitive, instance);
+        (corners, self.place(instance).normals(self.attributes[primitive as usize].normals, corners))
+    }
+
+    #[inline]
+    fn place(&self, instance: u32) -> &Instance {
+        &self.instances.places[instance as usize]
     }
 
     /// The tangents at the corners of a triangle in world space; zero where there are none.
     #[inline]
     pub fn tangents_at(&self, primitive: u32, instance: u32) -> [Vec4; 3] {
         let tangents = self.tangents.get(primitive as usize).map_or([Vec4::ZERO; 3], |t| *t);
-        match self.instances.places.get(instance as usize) {
-            Some(place) => tangents.map(|t| {
-                let along = place.to_world.matrix3 * t.truncate().as_dvec3();
-                along.as_vec3().normalize_or_zero().extend(t.w)
-            }),
-            None => tangents,
+        if instance == NONE {
+            return tangents;
         }
+        let matrix = self.place(instance).to_world.matrix3;
+        tangents.map(|t| (matrix * t.truncate().as_dvec3()).as_vec3().normalize_or_zero().extend(t.w))
     }
 
     /// The material row of a primitive.
@@ -127,10 +133,7 @@ impl CompiledScene {
             Some(a) => a.material,
             None => self.spheres[i - self.attributes.len()].material,
         };
-        match self.instances.places.get(instance as usize) {
-            Some(place) => self.instances.materials[(place.materials + own) as usize],
-            None => own,
-        }
+        if instance == NONE { own } else { self.instances.materials[(self.place(instance).materials + own) as usize] }
     }
 
     /// The emitter row of a primitive, or [`NONE`].
@@ -141,23 +144,18 @@ impl CompiledScene {
             Some(a) => a.emitter,
             None => self.spheres[i - self.attributes.len()].emitter,
         };
-        match self.instances.places.get(instance as usize) {
-            Some(place) if own != NONE => place.emitters + own,
-            _ => own,
-        }
+        if instance == NONE || own == NONE { own } else { self.place(instance).emitters + own }
     }
 
     /// A number that every primitive of every copy has for itself: its id in the [flattened](Self::flattened) scene, but
     /// for spheres, which keep theirs.
     #[inline]
     pub fn number_of(&self, primitive: u32, instance: u32) -> u32 {
-        match self.instances.places.get(instance as usize) {
-            Some(place) => {
-                let start = self.instances.meshes[place.mesh as usize].triangles.start;
-                place.first.wrapping_add(primitive - start)
-            }
-            None => primitive,
+        if instance == NONE {
+            return primitive;
         }
+        let place = self.place(instance);
+        place.first.wrapping_add(primitive - self.instances.meshes[place.mesh as usize].triangles.start)
     }
 
     /// The same scene with every copy's triangles in the world: what backends take that know no copies. The order is that
@@ -175,6 +173,7 @@ impl CompiledScene {
         flat.triangles.truncate(world);
         flat.attributes.truncate(world);
         flat.tangents.truncate(world);
+        flat.colors.truncate(world);
         let mut names = BTreeMap::new();
         for (row, place) in self.instances.places.iter().enumerate() {
             let row = row as u32;
@@ -193,6 +192,7 @@ impl CompiledScene {
                 if !self.tangents.is_empty() {
                     flat.tangents.push(self.tangents_at(primitive, row));
                 }
+                flat.colors.extend(self.colors.get(primitive as usize));
                 flat.triangles.push(corners);
             }
         }

@@ -77,6 +77,7 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
         clearcoat_gloss: m.clearcoat_gloss,
         smooth_below: m.smooth_below,
         normal_strength: m.normal_strength,
+        bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,
         mask_mode: m.mask_mode,
         shadow_terminator: m.shadow_terminator,
@@ -88,6 +89,7 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
         opacity_texture: texture(TextureSlot::Opacity, reflects),
         anisotropic_texture: texture(TextureSlot::AnisotropicDirection, reflects && m.anisotropic > 0.0),
         normal_texture: texture(TextureSlot::Normal, reflects && m.normal_strength > 0.0),
+        bump_texture: texture(TextureSlot::Bump, reflects && m.bump_height != 0.0),
         tiling: UvMap { scale: m.tiling, offset: m.uv_offset },
         emitter_reflects: reflects,
         interface: Interface {
@@ -140,6 +142,7 @@ impl Bank {
         let float = matches!(desc.texels, Texels::RgbaF32(_));
         let bounded = match slot {
             TextureSlot::Mask
+            | TextureSlot::Bump
             | TextureSlot::DelayConstant
             | TextureSlot::DelayRate
             | TextureSlot::DelayMean

@@ -1,6 +1,7 @@
 //! From a description to the flat arrays that a backend renders.
 
 mod bounds;
+mod colors;
 mod delays;
 mod flatten;
 mod instance;
@@ -41,6 +42,8 @@ pub struct CompiledScene {
     /// Tangents at the corners of every triangle in MikkTSpace: a unit vector along growing u, and in `w` the sign of
     /// the bitangent `w (n x t)` that points along growing v. Empty if no material needs any; zero where there is none.
     pub tangents: Vec<[Vec4; 3]>,
+    /// Linear colours at the corners of every triangle that multiply base colours. Empty if no mesh has any.
+    pub colors: Vec<[Vec3; 3]>,
     /// Copies of meshes that are kept once.
     pub instances: Instances,
     /// Analytic spheres.
@@ -80,6 +83,15 @@ pub struct TriangleAttributes {
     pub material: u32,
     /// Row of [`CompiledScene::emitters`], or [`NONE`]; of a shared mesh see [`SharedMesh::shining`].
     pub emitter: u32,
+}
+
+impl TriangleAttributes {
+    /// Texture coordinates at a point with these weights of the second and third corner.
+    #[inline]
+    pub fn uv(&self, [v, w]: [f32; 2]) -> Vec2 {
+        let [a, b, c] = self.uvs;
+        a * (1.0 - v - w) + b * v + c * w
+    }
 }
 
 /// An analytic sphere; its front is the outside.
@@ -132,6 +144,8 @@ pub struct Material {
     pub smooth_below: f32,
     /// Factor on the slope of the normal map.
     pub normal_strength: f32,
+    /// How far 1 in the bump map stands out, in scene units.
+    pub bump_height: f32,
     /// Mask values below this are holes.
     pub mask_threshold: f32,
     /// How a mask decides.
@@ -154,6 +168,8 @@ pub struct Material {
     pub anisotropic_texture: u32,
     /// Normal map, or [`NONE`].
     pub normal_texture: u32,
+    /// Texture whose red channel is a height, or [`NONE`].
+    pub bump_texture: u32,
     /// From texture coordinates to places in the textures.
     pub tiling: UvMap,
     /// Whether the surface of a light also reflects; where not, a path that hits it ends.

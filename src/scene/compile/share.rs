@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 
 use super::flatten::{area_and_front, in_range, malformed, note_dropped, on_front_side, push_emitter};
 use super::instance::{Instance, SharedMesh, cofactor};
-use super::{CompiledScene, NONE, TriangleAttributes, tangents};
+use super::{CompiledScene, NONE, TriangleAttributes, colors, tangents};
 use crate::math::distribution::Alias;
 use crate::scene::desc::MeshDesc;
 use crate::scene::{Note, SceneError};
@@ -224,7 +224,7 @@ fn add_shared(scene: &mut CompiledScene, part: &Part, kind: &Kind, notes: &mut V
     let mesh = part.mesh;
     let start = scene.triangles.len();
     let mut shining = Vec::new();
-    let mut dropped = [0usize; 2];
+    let (mut dropped, mut tints) = ([0usize; 2], Vec::new());
     for (corners, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
         let corners = if kind.mirrors { [corners[0], corners[2], corners[1]] } else { *corners };
         let shines = kind.shines[*slot as usize];
@@ -248,7 +248,9 @@ fn add_shared(scene: &mut CompiledScene, part: &Part, kind: &Kind, notes: &mut V
             emitter,
         });
         scene.triangles.push(points);
+        colors::gather(mesh, corners, &mut tints);
     }
+    colors::add(scene, start, &tints);
     tangents::add(scene, start, kind.tangents, !mesh.uvs.is_empty());
     note_dropped(dropped, part, notes);
     SharedMesh { triangles: start as u32..scene.triangles.len() as u32, shining }

@@ -70,6 +70,7 @@ mod tests {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y],
             normals: vec![],
             uvs,
+            colors: vec![],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0, 0],

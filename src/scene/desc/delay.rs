@@ -5,7 +5,8 @@
 //! weights make it *composed*: a weighted sum of other materials of the scene, each with its own profile, to any depth.
 //! A composed material that has a profile too adds its delay to those of its parts.
 
-use super::material::{MaterialParam, TextureSlot};
+use super::TextureSlot;
+use super::material::MaterialParam;
 use super::{MaterialDesc, SceneDesc};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};

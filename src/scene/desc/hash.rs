@@ -76,7 +76,7 @@ fn lights(h: &mut Hasher, desc: &SceneDesc) {
 }
 
 fn material(h: &mut Hasher, desc: &SceneDesc, m: &MaterialDesc) {
-    let (surface, delays) = MATERIAL_PARAMS.split_at(SURFACE.len());
+    let (surface, later) = MATERIAL_PARAMS.split_at(SURFACE.len());
     for row in surface {
         (row.get)(m).hash_into(h);
     }
@@ -86,10 +86,10 @@ fn material(h: &mut Hasher, desc: &SceneDesc, m: &MaterialDesc) {
         int(h, *slot as u64);
         h.update(&texture.content_hash);
     }
-    // Written only where they say something, so that scenes without delays keep the hashes that they had before.
+    // Written only where they say something, so that scenes without delays or bumps keep the hashes that they had before.
     let plain = MaterialDesc::new("");
     let said = |row: &MaterialParam| row.name != "parts" && (row.get)(m) != (row.get)(&plain);
-    for (i, row) in delays.iter().enumerate().filter(|(_, row)| said(row)) {
+    for (i, row) in later.iter().enumerate().filter(|(_, row)| said(row)) {
         h.update(b"delay");
         int(h, i as u64);
         (row.get)(m).hash_into(h);
@@ -145,6 +145,11 @@ pub fn mesh_hash(mesh: &MeshDesc) -> [u8; 32] {
     }
     int(&mut h, mesh.triangle_slot.len() as u64);
     h.update(bytemuck::cast_slice(&little_endian(&mesh.triangle_slot)));
+    // Written only where there are any, so that meshes without colours keep the hashes that they had before.
+    if !mesh.colors.is_empty() {
+        h.update(b"colors");
+        mesh.colors.iter().for_each(|c| vec3(&mut h, *c));
+    }
     *h.finalize().as_bytes()
 }
 
@@ -197,6 +202,7 @@ mod tests {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
             normals: vec![],
             uvs: vec![],
+            colors: vec![],
             triangles: vec![[0, 1, 2]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0],

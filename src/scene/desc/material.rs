@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::delay::{self, DelayDesc};
-use super::{Distribution, MaskMode, Model, TextureDesc};
+use super::{Distribution, MaskMode, Model, TextureDesc, TextureSlot};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
@@ -31,81 +31,6 @@ pub struct MaterialParam {
     pub(super) set_checked: fn(&mut MaterialDesc, &Value),
     /// The texture slot, if a texture makes sense.
     pub texture: Option<TextureSlot>,
-}
-
-/// The places where a material may have a texture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum TextureSlot {
-    /// Multiplies the base colour; sRGB.
-    BaseColor,
-    /// Multiplies the emission; sRGB.
-    Emission,
-    /// Hits where its red channel is below the mask threshold are discarded; linear.
-    Mask,
-    /// Its red channel replaces the roughness; linear.
-    Roughness,
-    /// Its red channel replaces the metallic parameter; linear.
-    Metallic,
-    /// Its red channel replaces the opacity; linear.
-    Opacity,
-    /// Red and green, moved from 0..=1 to -1..=1, are the direction of anisotropy along u and v; linear.
-    AnisotropicDirection,
-    /// A normal in the tangent frame of MikkTSpace, each channel moved from 0..=1 to -1..=1, green up; linear.
-    Normal,
-    /// Its red channel multiplies the delay of a constant profile; linear.
-    DelayConstant,
-    /// Its red channel multiplies the rate of an exponential profile; linear.
-    DelayRate,
-    /// Its red channel multiplies the mean of an Epanechnikov profile; linear.
-    DelayMean,
-    /// Its red channel multiplies the width of an Epanechnikov profile; linear.
-    DelayWidth,
-}
-
-impl TextureSlot {
-    /// Every slot, in order.
-    pub const ALL: [TextureSlot; 12] = [
-        TextureSlot::BaseColor,
-        TextureSlot::Emission,
-        TextureSlot::Mask,
-        TextureSlot::Roughness,
-        TextureSlot::Metallic,
-        TextureSlot::Opacity,
-        TextureSlot::AnisotropicDirection,
-        TextureSlot::Normal,
-        TextureSlot::DelayConstant,
-        TextureSlot::DelayRate,
-        TextureSlot::DelayMean,
-        TextureSlot::DelayWidth,
-    ];
-
-    /// Name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
-    pub fn name(self) -> &'static str {
-        match self {
-            TextureSlot::BaseColor => "base_color_texture",
-            TextureSlot::Emission => "emission_texture",
-            TextureSlot::Mask => "mask_texture",
-            TextureSlot::Roughness => "roughness_texture",
-            TextureSlot::Metallic => "metallic_texture",
-            TextureSlot::Opacity => "opacity_texture",
-            TextureSlot::AnisotropicDirection => "anisotropic_direction_texture",
-            TextureSlot::Normal => "normal_texture",
-            TextureSlot::DelayConstant => "delay_constant_texture",
-            TextureSlot::DelayRate => "delay_rate_texture",
-            TextureSlot::DelayMean => "delay_mean_texture",
-            TextureSlot::DelayWidth => "delay_width_texture",
-        }
-    }
-
-    /// The slot with this name in scripts.
-    pub fn from_name(name: &str) -> Option<TextureSlot> {
-        TextureSlot::ALL.into_iter().find(|slot| slot.name() == name)
-    }
-
-    /// Whether eight-bit texels of this role are decoded from sRGB; data textures never are.
-    pub fn is_srgb(self) -> bool {
-        matches!(self, TextureSlot::BaseColor | TextureSlot::Emission)
-    }
 }
 
 /// A material as its file says it.
@@ -159,6 +84,8 @@ pub struct MaterialDesc {
     pub nonlinear: bool,
     /// Factor on the slope of the normal map.
     pub normal_strength: f32,
+    /// How far 1 in the bump map stands out, in scene units.
+    pub bump_height: f32,
     /// Mask values below this are holes.
     pub mask_threshold: f32,
     /// How a mask decides.
@@ -209,6 +136,7 @@ impl MaterialDesc {
             thin: false,
             nonlinear: false,
             normal_strength: 1.0,
+            bump_height: 1.0,
             mask_threshold: MASK_THRESHOLD,
             mask_mode: MaskMode::Threshold,
             shadow_terminator: false,
@@ -321,14 +249,27 @@ pub const MASK_THRESHOLD: f32 = 0.5;
 
 /// Every material parameter. Defaults are those of [`MaterialDesc::new`].
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
-    let mut rows = [SURFACE[0]; SURFACE.len() + delay::ROWS.len()];
+    let mut rows = [BUMP_HEIGHT; SURFACE.len() + delay::ROWS.len() + 1];
     let mut i = 0;
-    while i < rows.len() {
+    while i < rows.len() - 1 {
         rows[i] = if i < SURFACE.len() { SURFACE[i] } else { delay::ROWS[i - SURFACE.len()] };
         i += 1;
     }
     rows
 };
+
+/// The row of bump maps: the last one, since hashes count rows.
+const BUMP_HEIGHT: MaterialParam = scalar!(
+    bump_height,
+    "bump_height",
+    -1e6,
+    1e6,
+    "bumptexture",
+    Some(TextureSlot::Bump),
+    "scene units",
+    "How far 1 in the bump map stands out along the normal; negative makes dents. Only normals are tilted, by the map's \
+     slopes on the surface, however texture coordinates are stretched [Blinn 1978; Mikkelsen 2010]."
+);
 
 /// The rows that say what a surface does with light; [`delay`] has those that say when.
 pub(super) const SURFACE: &[MaterialParam] = &[

@@ -6,6 +6,7 @@ mod hash;
 pub mod light;
 pub mod material;
 mod model;
+mod slot;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,8 +17,9 @@ pub use camera::{CameraDesc, Optics};
 pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
-pub use material::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+pub use material::{MATERIAL_PARAMS, MaterialDesc};
 pub use model::{Distribution, MaskMode, Model};
+pub use slot::TextureSlot;
 
 /// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";
@@ -159,6 +161,8 @@ pub struct MeshDesc {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or empty.
     pub uvs: Vec<Vec2>,
+    /// Linear colours, one per position, each channel in 0..=1, that multiply base colours; or empty.
+    pub colors: Vec<Vec3>,
     /// Corners of every triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Names of the materials the mesh uses.

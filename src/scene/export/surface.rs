@@ -6,7 +6,7 @@
 //! | `lambert` | `diffuse`, `conductor` without an index, `dielectric`, blended by `metallic` and opacity |
 //! | `conductor`, `plastic`, `dielectric` | the plugins of these names; their rough forms from `smooth_below` on |
 //!
-//! Opaque ones are put into `twosided`, normal maps into `normalmap`, masks into `mask`.
+//! Opaque ones are put into `twosided`, normal maps into `normalmap`, bump maps into `bumpmap`, masks into `mask`.
 
 use glam::Vec3;
 
@@ -44,7 +44,11 @@ impl Surface<'_> {
         let reflects = m.emission == Vec3::ZERO || m.emitter_reflects;
         let mask = m.texture(TextureSlot::Mask);
         let normal = m.texture(TextureSlot::Normal).filter(|_| reflects && m.normal_strength > 0.0);
-        let wraps = [("mask", mask), ("twosided", None), ("normalmap", normal)];
+        let bump = m.texture(TextureSlot::Bump).filter(|_| reflects && m.bump_height != 0.0);
+        if normal.is_some() && bump.is_some() {
+            self.note("its normal map is turned with the bumps there, here their slopes add");
+        }
+        let wraps = [("mask", mask), ("twosided", None), ("bumpmap", bump), ("normalmap", normal)];
         let there = |(kind, texture): &(&str, Option<_>)| match *kind {
             "twosided" => !reflects || self.is_opaque(),
             _ => texture.is_some(),
@@ -66,6 +70,10 @@ impl Surface<'_> {
                 Some(t) if kind == "mask" => {
                     let of = self.opacity();
                     self.textures.write(self.xml, "opacity", m, t, of, self.folder)?;
+                }
+                Some(t) if kind == "bumpmap" => {
+                    self.textures.write(self.xml, "arbitrary", m, t, Use::Height, self.folder)?;
+                    self.xml.value("float", "scale", m.bump_height);
                 }
                 Some(t) => {
                     self.textures.write(self.xml, "normalmap", m, t, Use::Normal(m.normal_strength), self.folder)?;

@@ -23,6 +23,8 @@ pub(super) enum Use {
     Root(Vec3),
     /// Its red channel.
     Number,
+    /// Its red channel, whatever its range.
+    Height,
     /// The square of its red channel.
     Square,
     /// One minus its red channel.
@@ -46,6 +48,7 @@ impl Use {
             Use::Rest => [5, 0, 0, 0],
             Use::Step(at) => [6, at.to_bits(), 0, 0],
             Use::Normal(by) => [7, by.to_bits(), 0, 0],
+            Use::Height => [8, 0, 0, 0],
         }
     }
 
@@ -59,7 +62,7 @@ impl Use {
         match self {
             Use::Color(c) | Use::Light(c) => c == Vec3::ONE,
             Use::Normal(by) => by == 1.0,
-            Use::Number => true,
+            Use::Number | Use::Height => true,
             _ => false,
         }
     }
@@ -73,6 +76,7 @@ impl Use {
             Use::Light(by) => (c.max(Vec3::ZERO) * by).to_array(),
             Use::Root(by) => unit(unit(c) * by).map(f32::sqrt).to_array(),
             Use::Number => [r.clamp(0.0, 1.0); 3],
+            Use::Height => [r; 3],
             Use::Square => [r.clamp(0.0, 1.0).powi(2); 3],
             Use::Rest => [1.0 - r.clamp(0.0, 1.0); 3],
             Use::Step(at) => [if r < at { 0.0 } else { 1.0 }; 3],
@@ -144,7 +148,7 @@ fn encode(image: &TextureDesc, of: Use) -> Result<(Vec<u8>, &'static str), Strin
     let size = [image.width, image.height];
     if let (Texels::Rgba8(texels), true) = (&image.texels, of.as_stored()) {
         let (bytes, kind): (Vec<u8>, _) = match of {
-            Use::Number => (texels.iter().map(|t| t[0]).collect(), ExtendedColorType::L8),
+            Use::Number | Use::Height => (texels.iter().map(|t| t[0]).collect(), ExtendedColorType::L8),
             _ => (texels.iter().flat_map(|t| [t[0], t[1], t[2]]).collect(), ExtendedColorType::Rgb8),
         };
         return png(size, &bytes, kind).map(|bytes| (bytes, "png"));

@@ -2,7 +2,9 @@
 
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::Arc;
 
+use glam::Vec3;
 use image::{DynamicImage, ImageReader, Limits};
 
 use super::{openexr, read, unreadable};
@@ -93,6 +95,40 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
     Ok(texture(path, width, height, texels))
 }
 
+/// A picture of heights as one channel: the luminance of what is coloured [ITU-R BT.709].
+pub(super) fn heights(image: &Arc<TextureDesc>) -> Arc<TextureDesc> {
+    let is_grey = match &image.texels {
+        Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
+        Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
+    };
+    if is_grey {
+        return Arc::clone(image);
+    }
+    let luminance = |[r, g, b]: [f32; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    let grey = |y: f32| [y, y, y, 1.0];
+    let texels = match &image.texels {
+        Texels::Rgba8(t) => {
+            t.iter().map(|p| grey(luminance([p[0], p[1], p[2]].map(|c| f32::from(c) / 255.0)))).collect()
+        }
+        Texels::RgbaF32(t) => t.iter().map(|p| grey(luminance([p[0], p[1], p[2]]))).collect(),
+    };
+    Arc::new(texture(&image.file, image.width, image.height, Texels::RgbaF32(texels)))
+}
+
+/// Whether a picture holds normals rather than heights: in more than half of it the channels moved to -1..=1 are nearly a
+/// unit vector that looks outwards, and are not grey.
+pub(super) fn shows_normals(image: &TextureDesc) -> bool {
+    let Texels::Rgba8(texels) = &image.texels else { return false };
+    let step = texels.len().div_ceil(4096).max(1);
+    let seen = texels.iter().step_by(step);
+    let normal = |[r, g, b, _]: &&[u8; 4]| {
+        let n = Vec3::new(f32::from(*r), f32::from(*g), f32::from(*b)) / 127.5 - 1.0;
+        n.z > 0.2 && (n.length() - 1.0).abs() < 0.2 && !(r == g && g == b)
+    };
+    let count = seen.clone().count();
+    seen.filter(normal).count() * 2 > count
+}
+
 fn texture(path: &Path, width: u32, height: u32, texels: Texels) -> TextureDesc {
     let content_hash = texture_hash(width, height, &texels);
     TextureDesc { file: path.to_owned(), width, height, texels, content_hash }
@@ -112,6 +148,29 @@ fn rgba8(image: DynamicImage) -> Texels {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn of(texels: Vec<[u8; 4]>) -> Arc<TextureDesc> {
+        Arc::new(texture(Path::new("t"), texels.len() as u32, 1, Texels::Rgba8(texels)))
+    }
+
+    #[test]
+    fn heights_are_luminance_and_normals_are_told_from_them() {
+        let grey = of(vec![[7, 7, 7, 255], [200, 200, 200, 255]]);
+        assert!(Arc::ptr_eq(&heights(&grey), &grey));
+        let Texels::RgbaF32(t) = heights(&of(vec![[255, 0, 51, 255]])).texels.clone() else {
+            panic!("floats expected")
+        };
+        assert!((t[0][0] - 0.2126 - 0.0722 * 0.2).abs() < 1e-6 && t[0][0] == t[0][2], "{:?}", t[0]);
+        let n = Vec3::new(0.48, -0.36, 0.8) * 127.5 + 127.5;
+        let slanted = [n.x as u8, n.y as u8, n.z as u8, 255];
+        assert!(shows_normals(&of(vec![[128, 128, 255, 255], slanted])));
+        // Every grey from black to white, of which one is of length one, and the colours of bricks and of a sky.
+        assert!(!shows_normals(&of((0..=255).map(|c| [c, c, c, 255]).collect())));
+        assert!(!shows_normals(&of(vec![[202, 202, 202, 255]; 4])));
+        assert!(!shows_normals(&of(vec![[150, 90, 60, 255], [160, 120, 100, 255]])));
+        assert!(!shows_normals(&of(vec![[200, 220, 255, 255]; 4])));
+        assert!(!shows_normals(&of(Vec::new())));
+    }
 
     fn write_png(path: &Path) {
         let mut image = image::RgbImage::new(3, 2);

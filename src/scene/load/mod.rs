@@ -34,6 +34,19 @@ pub struct FormatRow {
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file of this format.
     pub load: Loader,
+    /// What is read of it, a row for each element or key.
+    pub reads: &'static [Reads],
+}
+
+/// What becomes of one element or key of a format.
+#[derive(Clone, Copy, Debug)]
+pub struct Reads {
+    /// The words of the format, each between grave accents, or a description of the rest.
+    pub name: &'static str,
+    /// What it becomes; empty where it is only noted.
+    pub read: &'static str,
+    /// What is a note instead, or an error.
+    pub noted: &'static str,
 }
 
 /// Reads one scene file.
@@ -57,6 +70,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "glTF 2.0: nodes, meshes, cameras, point and directional lights, metallic-roughness materials with extensions.",
         sniff: gltf::sniff,
         load: gltf::load,
+        reads: gltf::READS,
     },
     FormatRow {
         name: "folder",
@@ -64,6 +78,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "Scene folders of the second source: scene.json with Objects/, Textures/ and HDRI/.",
         sniff: folder::sniff,
         load: folder::load,
+        reads: folder::READS,
     },
     FormatRow {
         name: "scn",
@@ -71,6 +86,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and spheres.",
         sniff: scn::sniff,
         load: scn::load,
+        reads: scn::READS,
     },
     FormatRow {
         name: "obj",
@@ -78,6 +94,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "A Wavefront OBJ mesh with the materials of its .mtl files, seen by a camera that frames its bounds.",
         sniff: obj::sniff,
         load: obj::load,
+        reads: obj::READS,
     },
     FormatRow {
         name: "ply",
@@ -85,6 +102,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "A PLY mesh, ASCII or binary, seen by a camera that frames its bounds.",
         sniff: ply::sniff,
         load: ply::load,
+        reads: ply::READS,
     },
     FormatRow {
         name: "mitsuba",
@@ -92,6 +110,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "Scenes of Mitsuba 3 in XML, those of Mitsuba 0.5 and 0.6 too: cameras, shapes, surfaces, textures, lights.",
         sniff: mitsuba::sniff,
         load: mitsuba::load,
+        reads: mitsuba::READS,
     },
 ];
 

@@ -1,11 +1,15 @@
 //! PLY meshes: ASCII, and binary with either byte order.
 //!
 //! Read are the element `vertex` with `x y z`, normals `nx ny nz`, and texture coordinates (`u v`, `s t`, or
-//! `texture_u texture_v`), and the element `face` with its list of corners; polygons are cut as fans from their first
-//! corner. All other elements and properties are stepped over; colours of vertices are a [`Note`]. The front of a face
-//! with normals is the side to which they point, of one without where its corners run counter-clockwise.
+//! `texture_u texture_v`), colours `red green blue`, and the element `face` with its list of corners; polygons are cut as
+//! fans from their first corner. All other elements and properties are stepped over. The front of a face with normals is the
+//! side to which they point, of one without where its corners run counter-clockwise. Colours of 8 and 16 bits are decoded
+//! from sRGB, as programs that scan and paint meshes show them; floats are linear.
 
+mod reads;
 mod source;
+
+pub(super) use self::reads::READS;
 
 use std::path::Path;
 
@@ -13,6 +17,7 @@ use glam::{Vec2, Vec3};
 
 use self::source::{Source, Type};
 use super::{Missing, bare, read};
+use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use crate::scene::{Note, SceneError};
 
@@ -21,11 +26,22 @@ const MAX_PLY_BYTES: u64 = 1 << 30;
 /// Greatest number of elements and of properties that a header may name: more is no mesh.
 const MAX_NAMES: usize = 256;
 /// Names of vertex properties that are read, in the order of [`Vertex`].
-const PROPERTIES: [&[&str]; 8] =
-    [&["x"], &["y"], &["z"], &["nx"], &["ny"], &["nz"], &["u", "s", "texture_u"], &["v", "t", "texture_v"]];
+const PROPERTIES: [&[&str]; 11] = [
+    &["x"],
+    &["y"],
+    &["z"],
+    &["nx"],
+    &["ny"],
+    &["nz"],
+    &["u", "s", "texture_u"],
+    &["v", "t", "texture_v"],
+    &["red", "r", "diffuse_red"],
+    &["green", "g", "diffuse_green"],
+    &["blue", "b", "diffuse_blue"],
+];
 
-/// Position, normal, texture coordinates.
-type Vertex = [f32; 8];
+/// Position, normal, texture coordinates, colour.
+type Vertex = [f32; 11];
 
 /// Whether the first bytes of a file are those of a PLY.
 pub(super) fn sniff(head: &[u8]) -> bool {
@@ -49,6 +65,7 @@ pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Resul
         positions: Vec::new(),
         normals: Vec::new(),
         uvs: Vec::new(),
+        colors: Vec::new(),
         triangles: Vec::new(),
         slots: vec![slot.to_owned()],
         triangle_slot: Vec::new(),
@@ -63,9 +80,6 @@ pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Resul
             "vertex" => vertices(element, &mut source, &mut mesh).map_err(fail)?,
             "face" => faces(element, &mut source, &mut mesh).map_err(fail)?,
             _ => element.skip(&mut source).map_err(fail)?,
-        }
-        if element.name == "vertex" && element.properties.iter().any(|p| p.name == "red" || p.name == "diffuse_red") {
-            note("the colours of its vertices are not read");
         }
     }
     let count = mesh.positions.len();
@@ -166,9 +180,11 @@ fn vertices(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Resu
     if !has(0..3) {
         return Err(("element vertex".to_owned(), "expected the properties x, y and z".to_owned()));
     }
-    let (has_normals, has_uvs) = (has(3..6), has(6..8));
+    let (has_normals, has_uvs, has_colors) = (has(3..6), has(6..8), has(8..11));
+    let red = element.properties.iter().zip(&slots).find(|(_, slot)| **slot == Some(8));
+    let most = red.and_then(|(p, _)| p.ty.most());
     for i in 0..element.count {
-        let mut vertex: Vertex = [0.0; 8];
+        let mut vertex: Vertex = [0.0; 11];
         for (property, slot) in element.properties.iter().zip(&slots) {
             let done = match (slot, property.length) {
                 (Some(slot), None) => source.number(property.ty).map(|x| vertex[*slot] = x as f32),
@@ -176,7 +192,7 @@ fn vertices(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Resu
             };
             done.map_err(|e| element.fault(i, source, e))?;
         }
-        let [x, y, z, nx, ny, nz, u, v] = vertex;
+        let [x, y, z, nx, ny, nz, u, v, color @ ..] = vertex;
         if !vertex.iter().all(|x| x.is_finite()) {
             return Err(element.fault(i, source, "its numbers must be finite".to_owned()));
         }
@@ -186,6 +202,10 @@ fn vertices(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Resu
         }
         if has_uvs {
             mesh.uvs.push(Vec2::new(u, v));
+        }
+        if has_colors {
+            let linear = |c: f32| most.map_or(c, |most| srgb_to_linear(c / most)).clamp(0.0, 1.0);
+            mesh.colors.push(Vec3::from_array(color.map(linear)));
         }
     }
     Ok(())

@@ -33,7 +33,8 @@ impl ShapeError {
     }
 }
 
-/// Triangles with what their corners share. Normals and texture coordinates are one for each position, or none at all.
+/// Triangles with what their corners share. Normals, texture coordinates and colours are one for each position, or none at
+/// all.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
     /// Vertex positions.
@@ -42,6 +43,8 @@ pub struct Shape {
     pub normals: Vec<Vec3>,
     /// Texture coordinates.
     pub uvs: Vec<Vec2>,
+    /// Linear colours that multiply base colours.
+    pub colors: Vec<Vec3>,
     /// Corners, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -59,7 +62,8 @@ impl Shape {
         }
         room(count)?;
         room(self.triangles.len())?;
-        for (what, found) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
+        let lists = [("normals", self.normals.len()), ("uvs", self.uvs.len()), ("colors", self.colors.len())];
+        for (what, found) in lists {
             if found != 0 && found != count {
                 return fail(format!("it has {count} positions and {found} {what}"));
             }
@@ -72,6 +76,10 @@ impl Shape {
         }
         if let Some(i) = self.normals.iter().position(|n| !n.is_normalized()) {
             return fail(format!("normal {} has the length {}, not 1", i + 1, self.normals[i].length()));
+        }
+        let part = |c: &Vec3| c.min_element() >= 0.0 && c.max_element() <= 1.0;
+        if let Some(i) = self.colors.iter().position(|c| !part(c)) {
+            return fail(format!("colour {} lies outside 0 to 1", i + 1));
         }
         match self.uvs.iter().position(|uv| !uv.is_finite()) {
             Some(i) => fail(format!("texture coordinate {} is not finite", i + 1)),
@@ -117,10 +125,15 @@ impl Shape {
             pad(&mut self.uvs, self.positions.len());
             pad(&mut other.uvs, other.positions.len());
         }
+        if self.colors.is_empty() != other.colors.is_empty() {
+            self.colors.resize(self.positions.len(), Vec3::ONE);
+            other.colors.resize(other.positions.len(), Vec3::ONE);
+        }
         let first = self.positions.len() as u32;
         self.positions.append(&mut other.positions);
         self.normals.append(&mut other.normals);
         self.uvs.append(&mut other.uvs);
+        self.colors.append(&mut other.colors);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|c| c + first)));
         Ok(())
     }
@@ -130,6 +143,9 @@ impl Shape {
         let corners: Vec<usize> = self.triangles.iter().flatten().map(|c| *c as usize).collect();
         let positions: Vec<Vec3> = corners.iter().map(|c| self.positions[*c]).collect();
         self.uvs = if self.uvs.is_empty() { Vec::new() } else { corners.iter().map(|c| self.uvs[*c]).collect() };
+        if !self.colors.is_empty() {
+            self.colors = corners.iter().map(|c| self.colors[*c]).collect();
+        }
         self.normals = positions
             .chunks_exact(3)
             .flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3])
@@ -146,6 +162,7 @@ impl Shape {
             positions: self.positions,
             normals: self.normals,
             uvs: self.uvs,
+            colors: self.colors,
             triangles: self.triangles,
             slots: vec![slot.to_owned()],
             triangle_slot,

@@ -108,6 +108,7 @@ pub fn icosphere(radius: f32, splits: u32) -> Result<Shape, ShapeError> {
         uvs: directions.iter().map(uv).collect(),
         normals: directions,
         triangles,
+        ..Shape::default()
     };
     unwrap_seam(&mut shape);
     Ok(shape)

@@ -165,6 +165,12 @@ const MESH: Table = Table {
         ),
         Field::optional("normals", Ty::List(&NUMBERS_3), "flat", "a direction for each vertex; made unit vectors"),
         Field::optional("uvs", Ty::List(&NUMBERS_2), "none", "texture coordinates of each vertex"),
+        Field::optional(
+            "colors",
+            Ty::List(&NUMBERS_3),
+            "white",
+            "linear colours of each vertex, from 0 to 1, which multiply the base colour of its material",
+        ),
     ],
 };
 
@@ -328,6 +334,7 @@ fn make_mesh(shared: &Shared, args: &Args, f: &Fields) -> Made {
         positions: points(f, "positions").into_iter().map(Vec3::from_array).collect(),
         normals,
         uvs: points(f, "uvs").into_iter().map(Vec2::from_array).collect(),
+        colors: points(f, "colors").into_iter().map(Vec3::from_array).collect(),
         triangles: points::<3>(f, "triangles").into_iter().map(|t| t.map(|c| c as u32 - 1)).collect(),
     };
     made(shared, args, shape.checked())
@@ -345,6 +352,7 @@ fn join(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
                 positions: mesh.positions.clone(),
                 normals: mesh.normals.clone(),
                 uvs: mesh.uvs.clone(),
+                colors: mesh.colors.clone(),
                 triangles: mesh.triangles.clone(),
             };
             let moved = copy.transformed(&leaf.frame).and_then(|shape| whole.append(shape));

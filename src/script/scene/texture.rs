@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::time::Instant;
 
 use mlua::{Lua, UserData, Value as LuaValue, Variadic};
 
@@ -83,7 +84,10 @@ pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<Arc<T
 fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
     let path = shared.folder.join(name);
     let mut notes = Vec::new();
-    let texture = load::texture(&path, &mut notes).map_err(|e| scene_error(shared, args, &e))?;
+    let began = Instant::now();
+    let read = load::texture(&path, &mut notes);
+    shared.watch.excuse(began.elapsed());
+    let texture = read.map_err(|e| scene_error(shared, args, &e))?;
     shared.scene.borrow_mut().notes.append(&mut notes);
     Ok(Arc::new(texture))
 }

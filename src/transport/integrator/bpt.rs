@@ -25,10 +25,23 @@ pub const ROW: IntegratorRow = IntegratorRow {
 };
 
 fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+    if context.timed() {
+        path::<true>(context, pixel, sampler, sink);
+    } else {
+        path::<false>(context, pixel, sampler, sink);
+    }
+}
+
+fn path<const TIMED: bool>(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
     let scene = context.scene;
     let mut ray = context.camera.sample_ray(pixel, sampler);
-    let mut chance = Chance::new(context, sampler);
-    let mut flight = Flight::of_camera(context, &ray, chance.emission(context));
+    let mut chance = Chance::new::<TIMED>(sampler);
+    let mut flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
     let mut throughput = Vec3::ONE;
     // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
     let mut eta_scale = 1.0f32;

@@ -39,6 +39,14 @@ pub struct Context<'a> {
     pub timing: Option<&'a Timing>,
 }
 
+impl Context<'_> {
+    /// Whether paths need a [`Flight`](super::flight::Flight): for a time axis, or for materials with parts.
+    #[inline]
+    pub fn timed(&self) -> bool {
+        self.timing.is_some() || !self.scene.delays.is_empty()
+    }
+}
+
 /// Hands every contribution of one sample of one pixel to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
 

@@ -27,6 +27,7 @@ const SCREEN: &[(&str, &str)] = &[
     ("1 to 9", "metric of the chart"),
     ("x", "chart over time or spp"),
     ("v   f", "next kind of picture; flicker"),
+    ("t   < >", "light through time; arrows: frames"),
     ("e E 0", "picture darker, brighter, as is"),
     ("g", "tree, open tree, list"),
     ("j k Pg", "scroll plan or large log"),

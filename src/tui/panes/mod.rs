@@ -11,6 +11,7 @@ pub mod log;
 pub mod picture;
 pub mod plan;
 pub mod strategies;
+pub mod time;
 pub mod title;
 
 use ratatui::Frame;

@@ -71,8 +71,10 @@ fn shade(display: [f32; 3]) -> char {
 pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     let look = view.look;
     let kind = view.shown();
-    if kind == Picture::Strategies {
-        return super::strategies::draw(frame, area, model, view);
+    match kind {
+        Picture::Strategies => return super::strategies::draw(frame, area, model, view),
+        Picture::Time => return super::time::draw(frame, area, model, view),
+        _ => {}
     }
     let current = model.current.as_ref().and_then(|current| Some((current, current.image.as_ref()?)));
     let mut title = vec![Span::styled(heading(kind), look.strong())];
@@ -152,6 +154,7 @@ fn heading(kind: Picture) -> &'static str {
         Picture::Difference => " Difference ",
         Picture::Flip => " FLIP ",
         Picture::Strategies => " Strategies ",
+        Picture::Time => " Time ",
     }
 }
 
@@ -174,12 +177,12 @@ fn centred(inner: Rect, shown: &Image, per_cell: u32) -> Rect {
     }
 }
 
-/// Draws a small picture into `area`, as large as its aspect allows.
-pub(super) fn thumbnail(frame: &mut Frame, area: Rect, view: &View, linear: &Image, plan: &Outline) {
-    let per_cell = pixels_per_cell(view.look);
+/// Draws a small picture into `area`, as large as its aspect allows and `stops` brighter.
+pub(super) fn thumbnail(frame: &mut Frame, area: Rect, look: Look, linear: &Image, stops: f32, plan: &Outline) {
+    let per_cell = pixels_per_cell(look);
     let [width, height] = fitted([linear.width, linear.height], area.width, area.height, per_cell);
-    let shown = displayed(&box_average(linear, width, height), view.exposure, plan);
-    paint(frame, centred(area, &shown, per_cell), view.look, &shown, per_cell);
+    let shown = displayed(&box_average(linear, width, height), stops, plan);
+    paint(frame, centred(area, &shown, per_cell), look, &shown, per_cell);
 }
 
 fn paint(frame: &mut Frame, at: Rect, look: Look, display: &Image, per_cell: u32) {

@@ -51,7 +51,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
             width: width - 1,
             height: height - 1,
         };
-        picture::thumbnail(frame, at, view, &film.image, plan);
+        picture::thumbnail(frame, at, look, &film.image, view.exposure, plan);
         let label = format!("s{} t{}", film.s, film.t);
         let label = Line::styled(words::fit(&label, usize::from(at.width), ""), look.dim()).centered();
         frame.render_widget(label, Rect { y: at.bottom(), height: 1, ..at });

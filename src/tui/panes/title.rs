@@ -65,6 +65,11 @@ fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
     if failed > 0 {
         facts.push((format!("{failed} failed"), look.bad()));
     }
+    match model.contradicted.len() {
+        0 => {}
+        1 => facts.push(("1 reference contradicted".to_owned(), look.bad())),
+        n => facts.push((format!("{n} references contradicted"), look.bad())),
+    }
     if let Some(eta) = model.night_eta(view.clock_s(model)) {
         facts.push((time_left(look, eta), look.strong()));
     }

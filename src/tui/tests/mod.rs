@@ -6,3 +6,4 @@ mod lines;
 pub mod night;
 mod picture;
 mod screens;
+mod time;

@@ -204,6 +204,19 @@ fn the_noise_of_the_reference_is_marked_in_the_chart() {
 }
 
 #[test]
+fn a_contradicted_reference_is_an_alarm_on_the_first_line() {
+    let (mut model, now_s) = in_the_middle().model();
+    let first = |model: &Model| screen((80, 24), model, &view(RICH, now_s)).lines().next().unwrap().to_owned();
+    assert!(!first(&model).contains("contradicted"));
+    model.compared(0, false);
+    assert!(first(&model).contains("1 reference contradicted"), "{}", first(&model));
+    model.begin_again(now_s);
+    assert!(first(&model).contains("1 reference contradicted"), "until it is another one");
+    model.compared(0, true);
+    assert!(!first(&model).contains("contradicted"));
+}
+
+#[test]
 fn a_night_of_many_workers() {
     let (mut model, now_s) = in_the_middle().model();
     let worker = |i: usize| WorkerLine {

@@ -53,6 +53,7 @@ fn material(d: &mut Dice, textures: u32) -> Material {
         clearcoat: d.part(),
         clearcoat_gloss: d.part(),
         normal_strength: d.between(0.2, 2.0),
+        bump_height: d.between(-0.5, 0.5),
         mask_threshold: 0.4,
         mask_mode: if d.word().is_multiple_of(2) { MaskMode::Threshold } else { MaskMode::Blend },
         shadow_terminator: d.word().is_multiple_of(2),
@@ -64,6 +65,7 @@ fn material(d: &mut Dice, textures: u32) -> Material {
         opacity_texture: texture(d),
         anisotropic_texture: texture(d),
         normal_texture: texture(d),
+        bump_texture: texture(d),
         tiling: UvMap {
             scale: [1.0, 3.5, -2.0][d.word() as usize % 3],
             offset: Vec2::new(d.between(-2.0, 2.0), d.between(-2.0, 2.0)),
@@ -115,6 +117,7 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
             .map(|_| [(); 3].map(|()| d.direction().extend(if d.word().is_multiple_of(2) { 1.0 } else { -1.0 })))
             .collect();
         s.tangents[5] = [Vec4::ZERO; 3];
+        s.colors = (0..TRIANGLES).map(|_| [(); 3].map(|()| Vec3::new(d.unit(), d.unit(), d.unit()))).collect();
     });
     (scene.build(), job([8, 8], 3, 1))
 }

@@ -69,6 +69,8 @@ super::gpu_structs! {
         sphere_count: u32,
         /// 1 if `tangents` has a row for every triangle, else 0.
         has_tangents: u32,
+        /// First of three texels for each triangle that multiply base colours at its corners, or NONE.
+        first_color: u32,
         /// Number of lights.
         light_count: u32,
         /// Index of the first point, direction, environment among the lights.

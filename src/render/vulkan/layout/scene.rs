@@ -89,6 +89,8 @@ super::gpu_structs! {
         smooth_below: f32,
         /// Factor on the slope of the normal map.
         normal_strength: f32,
+        /// How far 1 in the bump map stands out, in scene units.
+        bump_height: f32,
         /// Mask values below this are holes.
         mask_threshold: f32,
         /// MASK_THRESHOLD or MASK_BLEND.
@@ -111,6 +113,8 @@ super::gpu_structs! {
         anisotropic_texture: u32,
         /// Normal map, or NONE.
         normal_texture: u32,
+        /// Texture whose red channel is a height, or NONE.
+        bump_texture: u32,
         /// Factor from texture coordinates to places in the textures.
         tiling_scale: f32,
         /// Offset of the same, in repeats.

@@ -18,7 +18,10 @@
 //!
 //! Beyond the source, `pointLights` may leave out `radiance`, and PNG, TGA and EXR are found under the same names.
 
+mod reads;
 mod relaxed;
+
+pub(super) use self::reads::READS;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

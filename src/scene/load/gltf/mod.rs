@@ -3,11 +3,14 @@
 //! Read are nodes with their transforms, meshes shared between them, the first perspective camera of the default scene,
 //! point and directional lights (`KHR_lights_punctual`), and materials ([`material`]). Intensities are taken as radiance
 //! is here, without photometric factors. Texture coordinates start at the top left in the file and at the bottom left
-//! here. Triangles without normals are flat, as the format says. A document without any light gets white light from
-//! everywhere, since viewers bring their own. Surfaces are two-sided whatever `doubleSided` says.
+//! here. Triangles without normals are flat, as the format says. A document without lamps gets white light from
+//! everywhere, since viewers bring their own; pictures that shine are no lamps. Surfaces are two-sided whatever `doubleSided` says.
 
 mod document;
 mod material;
+mod reads;
+
+pub(super) use self::reads::READS;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -21,7 +24,7 @@ use self::material::Materials;
 use super::{Missing, bare, scn};
 use crate::scene::desc::{
     CameraDesc, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
-    LightKind, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    LightKind, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureSlot, Transform, mesh_hash,
 };
 use crate::scene::names::Names;
 use crate::scene::{Note, SceneError};
@@ -58,9 +61,12 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     builder.read_materials(missing, &mut notes)?;
     builder.scene()?;
     let camera = builder.camera.take().unwrap_or_else(|| bare::framing_camera(builder.bounds));
-    let dark = builder.lights.is_empty() && builder.materials.iter().all(|m| m.emission == Vec3::ZERO);
+    // Pictures that shine are signs and screens, which are shown by the light of a viewer.
+    let is_lamp = |m: &MaterialDesc| m.emission != Vec3::ZERO && m.texture(TextureSlot::Emission).is_none();
+    let dark = builder.lights.is_empty() && !builder.materials.iter().any(is_lamp);
     if dark {
-        builder.note("scene", "nothing shines: it stands in white light of radiance 1 from everywhere (`environment`)");
+        let message = "it has no lamps: it stands in white light of radiance 1 from everywhere (`environment`)";
+        builder.note("scene", message);
     }
     let white = EnvironmentDesc { source: EnvironmentSource::Color(Vec3::ONE), rotation_deg: 0.0, scale: 1.0 };
     let desc = SceneDesc {
@@ -197,6 +203,7 @@ impl Builder<'_> {
             positions: Vec::new(),
             normals: Vec::new(),
             uvs: Vec::new(),
+            colors: Vec::new(),
             triangles: Vec::new(),
             slots: Vec::new(),
             triangle_slot: Vec::new(),
@@ -220,7 +227,7 @@ impl Builder<'_> {
             return Err(document.error(place, "meshes compressed with Draco are not read"));
         }
         let attributes = &primitive["attributes"];
-        for (key, what) in [("COLOR_0", "colours of vertices"), ("JOINTS_0", "joints")] {
+        for (key, what) in [("COLOR_1", "second colours of vertices"), ("JOINTS_0", "joints")] {
             if !attributes[key].is_null() {
                 self.note(place, format!("{what} are not read"));
             }
@@ -244,8 +251,9 @@ impl Builder<'_> {
             .map(|c| uv.transform_point2(Vec2::new(c[0] as f32, c[1] as f32)))
             .map(|p| Vec2::new(p.x, 1.0 - p.y))
             .collect();
+        let colors = self.colors(place, &attributes["COLOR_0"])?;
         let count = positions.len();
-        if (!normals.is_empty() && normals.len() != count) || (!uvs.is_empty() && uvs.len() != count) {
+        if [normals.len(), uvs.len(), colors.len()].into_iter().any(|n| n != 0 && n != count) {
             return Err(document.error(place, "its attributes have different numbers of elements"));
         }
         let indices: Vec<u32> = match &primitive["indices"] {
@@ -260,8 +268,23 @@ impl Builder<'_> {
             5 => strip(&indices),
             _ => indices.windows(2).skip(1).map(|t| [indices[0], t[0], t[1]]).collect(),
         };
-        append(out, Part { positions, normals, uvs, triangles }, &slot);
+        append(out, Part { positions, normals, uvs, colors, triangles }, &slot);
         Ok(())
+    }
+
+    /// Colours of vertices, which are linear; their alpha is a note where it says something.
+    fn colors(&mut self, place: &str, index: &Json) -> Result<Vec<Vec3>, SceneError> {
+        if index.is_null() {
+            return Ok(Vec::new());
+        }
+        let place = format!("{place}.attributes.COLOR_0");
+        let (_, accessor) = self.document.named(&place, "accessors", index)?;
+        let n = if accessor["type"].as_str() == Some("VEC4") { 4 } else { 3 };
+        let numbers = self.document.numbers(&place, index, n)?;
+        if n == 4 && numbers.chunks_exact(4).any(|c| c[3] < 1.0) {
+            self.note(&place, "the alpha of colours of vertices is not read");
+        }
+        Ok(numbers.chunks_exact(n).map(|c| vec3(c).clamp(Vec3::ZERO, Vec3::ONE)).collect())
     }
 
     fn camera(&mut self, place: &str, node: &Json, world: DAffine3) -> Result<(), SceneError> {
@@ -361,6 +384,7 @@ struct Part {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
+    colors: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -375,6 +399,10 @@ fn append(out: &mut MeshDesc, mut part: Part, slot: &str) {
         out.uvs.resize(out.positions.len(), Vec2::ZERO);
         part.uvs.resize(part.positions.len(), Vec2::ZERO);
     }
+    if !out.colors.is_empty() || !part.colors.is_empty() {
+        out.colors.resize(out.positions.len(), Vec3::ONE);
+        part.colors.resize(part.positions.len(), Vec3::ONE);
+    }
     let base = out.positions.len() as u32;
     let row = out.slots.iter().position(|s| s == slot).unwrap_or_else(|| {
         out.slots.push(slot.to_owned());
@@ -383,6 +411,7 @@ fn append(out: &mut MeshDesc, mut part: Part, slot: &str) {
     out.positions.append(&mut part.positions);
     out.normals.append(&mut part.normals);
     out.uvs.append(&mut part.uvs);
+    out.colors.append(&mut part.colors);
     out.triangle_slot.resize(out.triangle_slot.len() + part.triangles.len(), row as u32);
     out.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + base)));
 }
@@ -393,6 +422,9 @@ fn facet(part: &mut Part) {
     let positions: Vec<Vec3> = corners.iter().map(|i| part.positions[*i]).collect();
     if !part.uvs.is_empty() {
         part.uvs = corners.iter().map(|i| part.uvs[*i]).collect();
+    }
+    if !part.colors.is_empty() {
+        part.colors = corners.iter().map(|i| part.colors[*i]).collect();
     }
     part.normals =
         positions.chunks_exact(3).flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3]).collect();

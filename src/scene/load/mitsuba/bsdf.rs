@@ -72,10 +72,18 @@ impl Reader<'_> {
                 self.mask(o)
             }
             "bumpmap" => {
-                self.notes.push(o.note("bumps are not honoured: the surface is smooth"));
-                o.known(&["scale", "arbitrary"]);
-                o.children("texture").for_each(drop);
-                inner(two_sided, self)
+                inner(two_sided, self)?;
+                // Its texture may have any name.
+                let map = o.children("texture").next().cloned();
+                let height = o.number("scale", 1.0)?;
+                if height.abs() > 1e6 {
+                    return Err(o.error(format!("`scale` must lie between -1e6 and 1e6, found {height}")));
+                }
+                if let Some(read) = map.map(|t| self.textures.read(&t, self.notes)).transpose()?.flatten() {
+                    self.m.bump_height = height as f32;
+                    self.slot(o, TextureSlot::Bump, read.heights());
+                }
+                Ok(())
             }
             "normalmap" => {
                 inner(two_sided, self)?;

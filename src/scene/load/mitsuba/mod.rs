@@ -14,11 +14,14 @@ mod bsdf;
 mod delay;
 mod emitter;
 mod metals;
+mod reads;
 mod sensor;
 mod shape;
 mod texture;
 mod tree;
 mod values;
+
+pub(super) use self::reads::READS;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -141,7 +141,8 @@ impl Meshes {
             false => ply::load_mesh(&taken.file, "", notes),
         };
         let mut mesh = read.map_err(|e| o.error(e.to_string()))?;
-        // The shape's surface is the only one.
+        // Colours of vertices are textures there, `mesh_attribute`, and the shape's surface is the only one.
+        mesh.colors = Vec::new();
         mesh.slots = vec![String::new()];
         mesh.triangle_slot.fill(0);
         // Normals, which are in a file or not made before its shape stands in its place, decide which side is the front.
@@ -183,6 +184,7 @@ fn rectangle() -> Shape {
         normals: vec![Vec3::Z; 4],
         uvs: corners.map(|c| Vec2::new(0.5 + 0.5 * c.x, 0.5 - 0.5 * c.y)).to_vec(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Shape::default()
     }
 }
 

@@ -46,6 +46,12 @@ impl Read {
         }
     }
 
+    /// As heights: the luminance of linear texels.
+    pub fn heights(self) -> Read {
+        let linear = self.linear();
+        Read { image: images::heights(&linear.image), ..linear }
+    }
+
     /// With a function of every channel.
     pub fn mapped(self, f: impl Fn(f32) -> f32) -> Read {
         let image = &self.image;

@@ -9,7 +9,10 @@
 //! winding; the front of a face without normals follows from its winding as the caller says.
 
 mod mtl;
+mod reads;
 mod text;
+
+pub(super) use self::reads::READS;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -104,6 +107,7 @@ fn load_parts(
             positions: Vec::new(),
             normals: Vec::new(),
             uvs: Vec::new(),
+            colors: Vec::new(),
             triangles: Vec::new(),
             slots: Vec::new(),
             triangle_slot: Vec::new(),

@@ -12,10 +12,11 @@
 //! | `Ps` | sheen |
 //! | `Pc`, `Pcr` | clearcoat, and 1 - `clearcoat_gloss` |
 //! | `aniso` | anisotropic |
-//! | `norm` | the normal map |
+//! | `norm` | the normal map, `-bm` its strength |
+//! | `bump`, `map_bump` | the bump map, in scene units times `-bm`; the normal map if the picture holds normals |
 //!
-//! An exponent becomes a GGX alpha of sqrt(2 / (Ns + 2)), which has the same peak [Walter et al. 2007]. `bump` and `disp` are
-//! heights, which are not read. Of the options before a file name, equal factors of `-s` and the offset `-o` of the first
+//! An exponent becomes a GGX alpha of sqrt(2 / (Ns + 2)), which has the same peak [Walter et al. 2007]. `disp` moves points,
+//! which is not read. Of the options before a file name, equal factors of `-s` and the offset `-o` of the first
 //! map become those of the material.
 
 use std::collections::BTreeMap;
@@ -44,6 +45,15 @@ struct Said {
     dissolve: Option<f32>,
     model: Option<u32>,
     placed: bool,
+}
+
+/// What stands after the keyword of a map.
+struct Options<'t> {
+    name: &'t str,
+    scale: f32,
+    offset: Vec2,
+    /// How high bumps are.
+    multiplier: Option<f32>,
 }
 
 /// Reads a material file and the textures that it names.
@@ -116,6 +126,7 @@ impl File<'_> {
             "map_pr" => self.map(line, rest, TextureSlot::Roughness),
             "map_pm" => self.map(line, rest, TextureSlot::Metallic),
             "norm" => self.map(line, rest, TextureSlot::Normal),
+            "bump" | "map_bump" => self.map(line, rest, TextureSlot::Bump),
             other if SILENT.contains(&other) => Ok(()),
             other => {
                 if self.unread.iter().all(|k| k != other) && self.unread.len() < 16 {
@@ -183,7 +194,7 @@ impl File<'_> {
     }
 
     fn map(&mut self, line: usize, rest: &str, slot: TextureSlot) -> Result<(), SceneError> {
-        let (name, scale, offset) = self.options(line, rest)?;
+        let Options { name, scale, offset, multiplier } = self.options(line, rest)?;
         if name.is_empty() {
             return Err(self.error(line, "a map needs a file".to_owned()));
         }
@@ -206,7 +217,16 @@ impl File<'_> {
             }
         };
         self.images.insert(name.to_owned(), texture.clone());
+        let (slot, texture) = match slot {
+            TextureSlot::Bump => self.bump(line, &texture, multiplier),
+            _ => (slot, texture),
+        };
         self.last(|m, said| {
+            match slot {
+                TextureSlot::Bump => m.bump_height = multiplier.unwrap_or(1.0),
+                TextureSlot::Normal => m.normal_strength = multiplier.unwrap_or(1.0).clamp(0.0, 100.0),
+                _ => {}
+            }
             m.set_texture(slot, Some(texture));
             if !said.placed && (scale, offset) != (1.0, Vec2::ZERO) {
                 (m.tiling, m.uv_offset, said.placed) = (scale, offset, true);
@@ -215,9 +235,33 @@ impl File<'_> {
         Ok(())
     }
 
-    /// The file's name, and the factor and offset that the options before it say.
-    fn options<'t>(&mut self, line: usize, rest: &'t str) -> Result<(&'t str, f32, Vec2), SceneError> {
-        let (mut scale, mut offset) = (1.0, Vec2::ZERO);
+    /// A bump map as what its picture holds: heights, or normals, which exporters write under the same keyword.
+    fn bump(
+        &mut self,
+        line: usize,
+        texture: &Arc<TextureDesc>,
+        multiplier: Option<f32>,
+    ) -> (TextureSlot, Arc<TextureDesc>) {
+        let whose = self.materials.last().map_or_else(String::new, |(m, _)| shorten(&m.name));
+        let known = self.materials.last().is_some_and(|(m, _)| {
+            [TextureSlot::Bump, TextureSlot::Normal].iter().any(|slot| m.texture(*slot).is_some())
+        });
+        if images::shows_normals(texture) {
+            if !known {
+                self.note(line, format!("the bumps of `{whose}` are normals: taken as a normal map"));
+            }
+            return (TextureSlot::Normal, texture.clone());
+        }
+        if !known && multiplier.is_none() {
+            let message = format!("the bumps of `{whose}` are 1 scene unit high: see `materials.{whose}.bump_height`");
+            self.note(line, message);
+        }
+        (TextureSlot::Bump, images::heights(texture))
+    }
+
+    /// The file's name, and what the options before it say.
+    fn options<'t>(&mut self, line: usize, rest: &'t str) -> Result<Options<'t>, SceneError> {
+        let (mut scale, mut offset, mut multiplier) = (1.0, Vec2::ZERO, None);
         let mut left = rest;
         while let Some(option) = left.split_whitespace().next().filter(|w| w.starts_with('-')) {
             left = left[option.len()..].trim_start();
@@ -239,11 +283,12 @@ impl File<'_> {
             match (option, numbers.as_slice()) {
                 ("-s", [u, more @ ..]) if more.first().is_none_or(|v| v == u) => scale = *u,
                 ("-o", [u, more @ ..]) => offset = Vec2::new(*u, more.first().copied().unwrap_or(0.0)),
+                ("-bm", [by]) => multiplier = Some(*by),
                 ("-bm" | "-blendu" | "-blendv" | "-cc" | "-imfchan" | "-texres" | "-type", _) => {}
                 _ => self.note(line, format!("the option `{}` of a map is not read: ignored", shorten(option))),
             }
         }
-        Ok((left, scale, offset))
+        Ok(Options { name: left, scale, offset, multiplier })
     }
 
     fn finish(self) -> Vec<MaterialDesc> {

@@ -29,6 +29,18 @@ impl Type {
         })
     }
 
+    /// What colours of this type are counted to, unless they are floats.
+    pub(super) fn most(self) -> Option<f32> {
+        match self {
+            Type::I8 => Some(127.0),
+            Type::U8 => Some(255.0),
+            Type::I16 => Some(32_767.0),
+            Type::U16 => Some(65_535.0),
+            Type::I32 | Type::U32 => Some(255.0),
+            Type::F32 | Type::F64 => None,
+        }
+    }
+
     fn size(self) -> usize {
         match self {
             Type::I8 | Type::U8 => 1,

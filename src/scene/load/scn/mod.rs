@@ -23,6 +23,9 @@
 mod light;
 mod material;
 pub(super) mod reader;
+mod reads;
+
+pub(super) use self::reads::READS;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -77,8 +77,11 @@ pub fn each(
     let settings = context.settings;
     let h = settings.heuristic();
     let max = context.max_depth;
-    let mut chance = subpaths.trace_camera(context, h, pixel, max, sampler);
-    subpaths.trace_light(context, h, max, sampler, &mut chance);
+    if context.timed() {
+        subpaths.trace::<true>(context, h, pixel, sampler);
+    } else {
+        subpaths.trace::<false>(context, h, pixel, sampler);
+    }
     let subpaths = &*subpaths;
     let mut found = |c: Connection, s: u32, t: u32, pixel: [u32; 2], lens: Vec3| {
         let weight = if settings.raw() { 1.0 } else { 1.0 / (1.0 + c.others) };

@@ -148,9 +148,21 @@ impl Roulette {
 }
 
 impl Subpaths {
+    /// Both subpaths of a sample, of up to `context.max_depth` edges each; for `TIMED` see [`Flight`].
+    pub fn trace<const TIMED: bool>(
+        &mut self,
+        context: &Context,
+        h: Heuristic,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+    ) {
+        let mut chance = self.trace_camera::<TIMED>(context, h, pixel, context.max_depth, sampler);
+        self.trace_light::<TIMED>(context, h, context.max_depth, sampler, &mut chance);
+    }
+
     /// The subpath from the camera, up to `max_edges` edges; what is left of the numbers of parts and delays goes to the
     /// light's.
-    pub fn trace_camera(
+    fn trace_camera<const TIMED: bool>(
         &mut self,
         context: &Context,
         h: Heuristic,
@@ -163,16 +175,16 @@ impl Subpaths {
         self.lens = ray.origin;
         let edge = Edge::from_lens(context, ray.origin, ray.dir);
         let departure = Departure { ray, edge, throughput: Vec3::ONE };
-        let mut chance = Chance::new(context, sampler);
+        let mut chance = Chance::new::<TIMED>(sampler);
         self.emitted = chance.emission(context);
-        let flight = Flight::of_camera(context, &ray, self.emitted);
+        let flight = Flight::<TIMED>::of_camera(context, &ray, self.emitted);
         let mut going = Going { flight, sampler, chance: &mut chance };
         self.escape = walk(context, h, Mode::Radiance, departure, max_edges, &mut going, &mut self.camera);
         chance
     }
 
     /// The subpath from a light, up to `max_edges` edges.
-    pub fn trace_light(
+    fn trace_light<const TIMED: bool>(
         &mut self,
         context: &Context,
         h: Heuristic,
@@ -195,7 +207,7 @@ impl Subpaths {
         let edge = Edge::from_light(e.point, e.dir);
         let ray = vertex::leave(e.point.position, e.point.normal, e.dir);
         let departure = Departure { ray, edge, throughput };
-        let flight = Flight::of_light(context, e.point.position);
+        let flight = Flight::<TIMED>::of_light(context, e.point.position);
         let mut going = Going { flight, sampler, chance };
         walk(context, h, Mode::Importance, departure, max_edges - 1, &mut going, &mut self.light);
     }
@@ -209,20 +221,20 @@ struct Departure {
 }
 
 /// What a subpath takes along: its clock and its random numbers.
-struct Going<'a> {
-    flight: Flight<'a>,
+struct Going<'a, const TIMED: bool> {
+    flight: Flight<'a, TIMED>,
     sampler: &'a mut Sampler,
     chance: &'a mut Chance,
 }
 
 /// Follows a path until it ends. Returns the edge that left the scene, if one did.
-fn walk(
+fn walk<const TIMED: bool>(
     context: &Context,
     h: Heuristic,
     mode: Mode,
     mut departure: Departure,
     max_edges: u32,
-    going: &mut Going,
+    going: &mut Going<TIMED>,
     path: &mut Vec<Vertex>,
 ) -> Option<Escape> {
     let mut roulette = Roulette { start: context.rr_start, promise: Vec3::ONE };

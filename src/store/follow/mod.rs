@@ -5,7 +5,11 @@
 //! process, or on another machine to which it was copied. Whether a run is done is whether its last file is there, as
 //! everywhere; the journal only says when, and with what numbers.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+mod run;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,16 +17,17 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value as Json;
 
-use super::archive::{Decode, read_json};
+use super::archive::{self, Decode, read_json};
 use super::crew::{Doing, Worker, crew};
-use super::journals::Journals;
-use super::tail::Tail;
-use super::{FILMS, StoreError, layout, list, outline, rows, seconds_of};
+use super::journals::{self, Journals};
+use super::{StoreError, layout, list, outline, seconds_of};
 use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::{CellConfig, CellRef, Outcome, Outline, WaveRow};
 use crate::film::Image;
+use crate::film::time::TimeAxis;
 use crate::render::OpenStats;
+use run::Run;
 
 /// Something that a follower saw.
 #[derive(Clone, Debug)]
@@ -74,6 +79,15 @@ pub enum Seen {
         /// The film.
         image: Arc<Image>,
     },
+    /// It left its light by time.
+    Timed {
+        /// Which.
+        cell: CellRef,
+        /// The array of mean radiance, [row][column][bin][rgb].
+        file: PathBuf,
+        /// The bins.
+        axis: TimeAxis,
+    },
     /// It ended, or was found to have ended.
     Ended {
         /// Which.
@@ -92,6 +106,13 @@ pub enum Seen {
         /// The line.
         text: String,
     },
+    /// A reference was compared with the same picture by a second technique.
+    Compared {
+        /// Its place in the plan.
+        reference: usize,
+        /// Whether they agree.
+        agrees: bool,
+    },
     /// What is left of the night was reckoned.
     Foretold(Forecast),
     /// The night is over.
@@ -109,21 +130,6 @@ pub struct Sight {
 
 /// How often workers are looked at.
 const ROLL_CALL: Duration = Duration::from_secs(2);
-
-/// The run at hand.
-#[derive(Debug)]
-struct Run {
-    cell: CellRef,
-    folder: PathBuf,
-    metrics: Tail,
-    /// For every metric of the outline its place in the rows of the file, once the header was read.
-    places: Option<Vec<Option<usize>>>,
-    /// Samples of the newest picture that was read.
-    pictured: u64,
-    running: bool,
-    /// Films of strategies that are still to be read.
-    films: VecDeque<PathBuf>,
-}
 
 /// Follows the night of one folder.
 #[derive(Debug)]
@@ -230,7 +236,7 @@ impl Follower {
     /// When a file of the night was last written to, as far as can be seen.
     pub fn news_at(&self) -> Option<SystemTime> {
         let written = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
-        let runs = self.runs.iter().filter_map(|run| written(run.metrics.path()));
+        let runs = self.runs.iter().filter_map(|run| written(run.measurements()));
         self.journals.written().max(runs.max())
     }
 
@@ -250,11 +256,9 @@ impl Follower {
             self.journal_line(line, live.contains(&i), fresh, &mut sights);
         }
         self.roll_call(&mut sights);
-        if self.journals.has_workers()
-            && self.runs.iter().all(|run| !run.running)
-            && let Some(line) = self.underway.values().next().cloned()
-        {
-            self.show(&line, &mut sights);
+        if self.journals.has_workers() && self.runs.iter().all(|run| !run.running) {
+            let first = self.underway.values().next().map(|line| journals::worker(line).to_owned());
+            first.iter().for_each(|worker| self.show_all(worker, &mut sights));
         }
         self.runs_at_hand(&mut sights);
         sights
@@ -269,11 +273,13 @@ impl Follower {
         let workers = crew(&self.folder);
         let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
         for worker in workers.iter().filter(|worker| worker.is_lost()) {
-            let Doing::Rendering { run, .. } = &worker.doing else { continue };
-            if !self.lost.insert(worker.name.clone()) || self.underway.remove(run).is_none() {
+            if !matches!(worker.doing, Doing::Rendering { .. }) || !self.lost.insert(worker.name.clone()) {
                 continue;
             }
-            for cell in self.ids.get(run).cloned().unwrap_or_default() {
+            let left = self.underway.iter().filter(|(_, line)| journals::worker(line) == worker.name);
+            let runs: Vec<String> = left.map(|(run, _)| run.clone()).collect();
+            runs.iter().for_each(|run| drop(self.underway.remove(run)));
+            for cell in runs.iter().flat_map(|run| self.ids.get(run).cloned().unwrap_or_default()) {
                 if let Some(run) = self.runs.iter_mut().find(|run| run.cell == cell) {
                     run.running = false;
                 }
@@ -284,6 +290,17 @@ impl Follower {
             }
         }
         sights.push(Sight { at_s, seen: Seen::Crew(workers) });
+    }
+
+    /// Shows what a worker renders: where it is more than one run, they take turns.
+    fn show_all(&mut self, worker: &str, sights: &mut Vec<Sight>) {
+        let at_hand = |line: &Json| {
+            let which = line["run"].as_str().and_then(|id| self.ids.get(id)).and_then(|cells| cells.first());
+            self.runs.iter().any(|run| run.running && Some(&run.cell) == which)
+        };
+        let of_it = |line: &&Json| journals::worker(line) == worker && !at_hand(line);
+        let lines: Vec<Json> = self.underway.values().filter(of_it).cloned().collect();
+        lines.iter().for_each(|line| self.show(line, sights));
     }
 
     /// Shows a run that started, and those that still render.
@@ -318,12 +335,26 @@ impl Follower {
                 see(Seen::Over);
             }
             "forecast" => see(Seen::Foretold(foretold(line))),
+            "agreement" => {
+                let which = line["reference"].as_str().and_then(|id| self.ids.get(id)).into_iter().flatten();
+                let agrees = line["agrees"].as_bool().unwrap_or(true);
+                for cell in which {
+                    if let CellRef::Reference(reference) = *cell {
+                        sights.push(Sight { at_s, seen: Seen::Compared { reference, agrees } });
+                    }
+                }
+            }
             "cell_started" => {
                 self.underway.insert(id.to_owned(), line.clone());
-                // Where many render at once, the one that is shown stays until it ends.
-                let busy = self.journals.has_workers() && self.runs.iter().any(|run| run.running);
+                // Where many render at once, the worker that is shown stays until its runs end. What it starts beside
+                // one of them takes turns with it.
+                let other = |run: &Run| run.running && run.worker != journals::worker(line);
+                let busy = self.journals.has_workers() && self.runs.iter().any(other);
                 if live && !busy {
                     self.show(line, sights);
+                    if self.journals.has_workers() {
+                        self.show_all(journals::worker(line), sights);
+                    }
                 } else if self.journals.has_workers() {
                     which.first().into_iter().for_each(|cell| see(Seen::Underway { cell: *cell }));
                 }
@@ -427,7 +458,7 @@ impl Follower {
             paths: count("paths"),
             rays: count("rays"),
             invalid: count("invalid"),
-            first_invalid: super::archive::first_invalid(json),
+            first_invalid: archive::first_invalid(json),
             metrics: if measured { metrics.iter().map(|m| m.unwrap_or(f64::NAN)).collect() } else { Vec::new() },
         })
     }
@@ -435,14 +466,14 @@ impl Follower {
     fn start(&mut self, cell: CellRef, line: &Json) -> (Seen, Run) {
         let folder = self.place(cell);
         let config = read_json(&folder.join("config.json")).and_then(|json| outline::config(&json["render"]));
-        let open = super::archive::open_stats(line);
+        let open = archive::open_stats(line);
         let reference = match cell {
             CellRef::Cell(i) => self.cells.get(i).and_then(|(_, reference)| *reference),
             CellRef::Reference(_) => None,
         };
         let reference = reference.and_then(|i| self.reference(i));
-        let metrics = Tail::new(folder.join("metrics.csv"));
-        let run = Run { cell, folder, metrics, places: None, pictured: 0, running: true, films: VecDeque::new() };
+        let axis = config.as_ref().and_then(|config| config.timing.as_ref()).map(|timing| timing.axis);
+        let run = Run::new(cell, folder, journals::worker(line).to_owned(), axis);
         (Seen::Started { cell, config: config.map(Box::new), open, reference }, run)
     }
 
@@ -454,62 +485,17 @@ impl Follower {
         }
         let place = self.references.get(i)?;
         let file = if place.is_file() { place.clone() } else { place.join("ref.exr") };
-        let image = Arc::new(self.image(&file)?);
+        let image = Arc::new(run::image(&file, self.decode)?);
         self.recent = Some((i, Arc::clone(&image)));
         Some(image)
     }
 
-    fn image(&self, file: &Path) -> Option<Image> {
-        (self.decode)(&fs::read(file).ok()?).ok()
-    }
-
     /// What is new of the runs at hand.
     fn runs_at_hand(&mut self, sights: &mut Vec<Sight>) {
-        let mut runs = std::mem::take(&mut self.runs);
-        runs.iter_mut().for_each(|run| self.run_at_hand(run, sights));
-        self.runs = runs;
-    }
-
-    /// New rows and a newer picture of a run; once it has ended, the films of its strategies, one at a look.
-    fn run_at_hand(&self, run: &mut Run, sights: &mut Vec<Sight>) {
         let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
-        let mut see = |seen| sights.push(Sight { at_s, seen });
-        for row in self.new_rows(run) {
-            see(Seen::Measured { cell: run.cell, row });
+        for run in &mut self.runs {
+            run.look(&self.outline, self.decode, &mut |seen| sights.push(Sight { at_s, seen }));
         }
-        let last = if run.running { run.pictured } else { u64::MAX };
-        if let Some((samples, file)) = newest_picture(&run.folder, run.running).filter(|(n, _)| *n > run.pictured)
-            && let Some(image) = self.image(&file)
-        {
-            run.pictured = samples;
-            see(Seen::Pictured { cell: run.cell, image: Arc::new(image) });
-            if !run.running && last == u64::MAX {
-                run.films = strategies(&run.folder).into();
-            }
-        }
-        if let Some(file) = run.films.pop_front()
-            && let (Some((s, t, weighted)), Some(image)) = (strategy(&file), self.image(&file))
-        {
-            see(Seen::Strategy { cell: run.cell, s, t, weighted, image: Arc::new(image) });
-        }
-    }
-
-    fn new_rows(&self, run: &mut Run) -> Vec<WaveRow> {
-        let news = run.metrics.look();
-        if news.anew {
-            run.places = None;
-        }
-        let Some(places) = &run.places else {
-            // The header comes with the first lines.
-            let Ok((columns, found)) = rows::parse(&news.text) else { return Vec::new() };
-            let place = |column: &str| columns.iter().position(|c| c == column);
-            let places: Vec<Option<usize>> = self.outline.metrics.iter().map(|m| place(&m.column)).collect();
-            let rows = found.into_iter().map(|row| placed(row, &places)).collect();
-            run.places = Some(places);
-            return rows;
-        };
-        let rows = rows::parse_more(&news.text);
-        rows.into_iter().map(|row| placed(row, places)).collect()
     }
 }
 
@@ -542,48 +528,4 @@ fn live(lines: &[Json]) -> BTreeSet<usize> {
         }
     }
     live
-}
-
-/// A row with its metrics in the order of the outline; none where none was measured.
-fn placed(row: WaveRow, places: &[Option<usize>]) -> WaveRow {
-    let metrics = if row.metrics.is_empty() {
-        Vec::new()
-    } else {
-        places.iter().map(|p| p.and_then(|p| row.metrics.get(p)).copied().unwrap_or(f64::NAN)).collect()
-    };
-    WaveRow { metrics, ..row }
-}
-
-/// The newest picture in a run's folder, and how new it is: snapshots count by their samples, the final picture of a run
-/// that has ended counts more than any of them.
-fn newest_picture(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
-    if !running {
-        let last = ["final.exr", "ref.exr"].map(|name| folder.join(name)).into_iter().find(|file| file.is_file());
-        if let Some(file) = last {
-            return Some((u64::MAX, file));
-        }
-    }
-    let entries = fs::read_dir(folder).ok()?.flatten();
-    let snapshots = entries.filter_map(|entry| {
-        let name = entry.file_name();
-        let samples = name.to_str()?.strip_prefix("snap-")?.strip_suffix(".exr")?.parse().ok()?;
-        Some((samples, entry.path()))
-    });
-    snapshots.max_by_key(|(samples, _)| *samples)
-}
-
-/// The films of strategies in a run's folder, ordered by name.
-fn strategies(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder.join(FILMS)).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries.map(|e| e.path()).filter(|file| strategy(file).is_some()).collect();
-    files.sort();
-    files
-}
-
-/// Vertices from the light and from the camera, and whether it is weighted: `strategies-s2-t1-raw.exr`.
-fn strategy(file: &Path) -> Option<(u32, u32, bool)> {
-    let name = file.file_name()?.to_str()?.strip_suffix(".exr")?.strip_prefix("strategies-s")?;
-    let (s, rest) = name.split_once("-t")?;
-    let (t, kind) = rest.split_once('-')?;
-    Some((s.parse().ok()?, t.parse().ok()?, kind == "weighted"))
 }

@@ -1,0 +1,84 @@
+//! How much memory runs take, and how much the machine has.
+
+use super::spec::CellConfig;
+use crate::film::layer::{BYTES_PER_PIXEL, Layout, SPLAT_BYTES_PER_PIXEL};
+use crate::film::time;
+use crate::transport::integrator::integrator;
+
+/// Bytes for each pixel of what measuring keeps beside the sums: the picture, the reference, what tone maps make of both,
+/// and what FLIP sees of the reference.
+const MEASURING_BYTES: u64 = 80;
+
+/// The most bytes that the layers and bins of a run take.
+pub fn beside_bytes(config: &CellConfig) -> u64 {
+    let pixels = pixels(config);
+    // A plan has none that is refused.
+    let layers = Layout::new(&config.films, config.max_depth.unwrap_or(1), pixels).map_or(0, |layout| layout.bytes());
+    let timing = config.timing.as_ref();
+    let bins = timing.and_then(|timing| time::bytes(&timing.axis, pixels, splats(config)).ok()).unwrap_or(0);
+    layers + bins
+}
+
+/// The most bytes that a run takes while it renders, its scene aside: sums, layers, bins, and what measuring keeps.
+pub fn run_bytes(config: &CellConfig) -> u64 {
+    let each = BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
+    pixels(config) * each + beside_bytes(config)
+}
+
+fn pixels(config: &CellConfig) -> u64 {
+    let [width, height] = config.resolution.unwrap_or_default();
+    u64::from(width) * u64::from(height)
+}
+
+fn splats(config: &CellConfig) -> bool {
+    integrator(&config.integrator).is_some_and(|row| row.splats)
+}
+
+/// Why runs that take turns, and so are in memory together, cannot be rendered where so many bytes are free; nothing
+/// where they can.
+pub fn refusal(runs: usize, need: u64, free: u64) -> Option<String> {
+    let gib = |bytes: u64| bytes as f64 / (1u64 << 30) as f64;
+    (need > free).then(|| {
+        format!(
+            "{runs} techniques that take turns on one picture need {:.1} GiB of memory together, and {:.1} GiB are free: \
+             take another order than \"interleave\", a smaller picture, or fewer films",
+            gib(need),
+            gib(free)
+        )
+    })
+}
+
+/// Bytes of memory that can still be had, and all that there are, on systems that tell it in a file.
+pub fn machine() -> Option<[u64; 2]> {
+    told(&std::fs::read_to_string("/proc/meminfo").ok()?)
+}
+
+fn told(text: &str) -> Option<[u64; 2]> {
+    let bytes = |key: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+        line.split_whitespace().next()?.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
+    };
+    Some([bytes("MemAvailable:")?, bytes("MemTotal:")?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_said_in_gibibytes() {
+        assert_eq!(refusal(3, 1 << 30, 1 << 30), None);
+        let reason = refusal(3, 5 << 29, 1 << 30).unwrap();
+        assert!(
+            reason.contains("3 techniques") && reason.contains("2.5 GiB") && reason.contains("1.0 GiB"),
+            "{reason}"
+        );
+    }
+
+    #[test]
+    fn the_machine_is_read_as_it_says_it() {
+        let text = "MemTotal:       16316412 kB\nMemFree:         1 kB\nMemAvailable:    8158206 kB\n";
+        assert_eq!(told(text), Some([8_158_206 * 1024, 16_316_412 * 1024]));
+        assert_eq!(told("MemTotal: 1 kB\n"), None);
+    }
+}
