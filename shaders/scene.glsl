@@ -31,4 +31,8 @@ layout(set = 0, binding = 15, scalar) restrict readonly buffer MaterialParts { M
 layout(set = 0, binding = 16, scalar) restrict readonly buffer DelayProfiles { DelayProfile delay_profiles[]; };
 layout(set = 0, binding = 17, scalar) restrict readonly buffer Knots { Knot knots[]; };
 
+// Copies of meshes: where each stands, and their rows of materials.
+layout(set = 0, binding = 18, scalar) restrict readonly buffer Places { Place places[]; };
+layout(set = 0, binding = 19, scalar) restrict readonly buffer PlaceMaterials { uint place_materials[]; };
+
 #endif

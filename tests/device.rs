@@ -8,6 +8,7 @@
 mod common;
 
 mod device {
+    mod copies;
     mod corners;
     mod faults;
     pub mod harness;

@@ -9,5 +9,5 @@
 layout(location = 0) rayPayloadInEXT Payload payload;
 
 void main() {
-    payload.hit = Hit(gl_HitTEXT, job.triangle_count + uint(gl_PrimitiveID), vec2(0.0));
+    payload.hit = Hit(gl_HitTEXT, job.triangle_count + uint(gl_PrimitiveID), NONE, vec2(0.0));
 }

@@ -3,11 +3,14 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_ray_tracing : require
 
+#include "trace/instances.glsl"
 #include "trace/payload.glsl"
 
 layout(location = 0) rayPayloadInEXT Payload payload;
 hitAttributeEXT vec2 weights;
 
 void main() {
-    payload.hit = Hit(gl_HitTEXT, uint(gl_PrimitiveID), weights);
+    payload.hit = hit_of_instance(
+        gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, gl_HitTEXT, gl_InstanceCustomIndexEXT, gl_PrimitiveID, weights
+    );
 }

@@ -9,9 +9,9 @@
 #include "transport/ray.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 18, scalar) buffer PixelSums { Sums pixel_sums[]; };
-layout(set = 0, binding = 19, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
-layout(set = 0, binding = 20, scalar) buffer CountersBlock { Counters counters; };
+layout(set = 0, binding = 20, scalar) buffer PixelSums { Sums pixel_sums[]; };
+layout(set = 0, binding = 21, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
+layout(set = 0, binding = 22, scalar) buffer CountersBlock { Counters counters; };
 layout(push_constant, scalar) uniform WaveBlock { Wave wave; };
 
 // The sample in progress: its pixel, what it has brought there, and what was refused.

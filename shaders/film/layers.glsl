@@ -4,9 +4,9 @@
 
 #ifdef LAYERS
 // Sums, [pixel][film].
-layout(set = 0, binding = 22, scalar) buffer LayerSums { Sums layer_sums[]; };
+layout(set = 0, binding = 24, scalar) buffer LayerSums { Sums layer_sums[]; };
 // What the sample in progress has brought to each film of its own pixel, [pixel][film]; black between samples.
-layout(set = 0, binding = 23, scalar) buffer LayerValues { vec3 layer_values[]; };
+layout(set = 0, binding = 25, scalar) buffer LayerValues { vec3 layer_values[]; };
 
 // What the camera ray of the sample met.
 bool first_found;

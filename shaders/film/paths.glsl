@@ -4,7 +4,7 @@
 
 #ifdef PATHS
 // For each column of the row in progress MOST_STEPS steps; those that are not taken stay zero.
-layout(set = 0, binding = 24, scalar) buffer PathSteps { PathStep path_steps[]; };
+layout(set = 0, binding = 26, scalar) buffer PathSteps { PathStep path_steps[]; };
 
 uint path_count;
 

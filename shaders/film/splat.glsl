@@ -29,7 +29,7 @@ bool splat_add(uint slot, vec3 value) {
 }
 #elif defined(SPLAT_FLOAT)
 #extension GL_EXT_shader_atomic_float : require
-layout(set = 0, binding = 21, scalar) buffer Splats { float splats[]; };
+layout(set = 0, binding = 23, scalar) buffer Splats { float splats[]; };
 
 bool splat_add(uint slot, vec3 value) {
     bool fits = finite(value) && all(lessThanEqual(abs(value), vec3(MAX_SPLAT)));
@@ -42,7 +42,7 @@ bool splat_add(uint slot, vec3 value) {
     return fits;
 }
 #else
-layout(set = 0, binding = 21, scalar) buffer Splats { uint splats[]; };
+layout(set = 0, binding = 23, scalar) buffer Splats { uint splats[]; };
 
 // Word `i` of `mantissa * 2^shift`; what lies below one is cut off.
 uint wide_word(uvec2 mantissa, int shift, int i) {

@@ -8,9 +8,9 @@
 #include "transport/bsdf/beckmann.glsl"
 
 // Sums, [pixel][slot].
-layout(set = 0, binding = 25, scalar) buffer TimeRows { TimeSums time_sums[]; };
+layout(set = 0, binding = 27, scalar) buffer TimeRows { TimeSums time_sums[]; };
 // What the sample in progress has brought to each slot of its own pixel, [pixel][slot]; black between samples.
-layout(set = 0, binding = 26, scalar) buffer TimeValues { vec3 time_values[]; };
+layout(set = 0, binding = 28, scalar) buffer TimeValues { vec3 time_values[]; };
 
 // Slots that the sample in progress has brought light to, as far as there is room; beyond it all are looked at.
 const uint MOST_TOUCHED = 24u;

@@ -147,7 +147,31 @@ struct Texture {
 // One emissive primitive.
 struct Emitter {
     uint primitive; // Primitive id: triangles first, spheres after them.
+    uint instance; // The copy of a mesh that it belongs to, or NONE.
     float area; // Area in square scene units.
+};
+
+// Where a copy of a mesh stands: `scene::compile::Instance`. Words of doubles, low one first.
+struct Place {
+    uvec2 xx; // What the mesh's x axis is in the world, its x.
+    uvec2 xy; // Its y.
+    uvec2 xz; // Its z.
+    uvec2 yx; // What the mesh's y axis is in the world, its x.
+    uvec2 yy; // Its y.
+    uvec2 yz; // Its z.
+    uvec2 zx; // What the mesh's z axis is in the world, its x.
+    uvec2 zy; // Its y.
+    uvec2 zz; // Its z.
+    uvec2 tx; // Where the mesh's origin is in the world, its x.
+    uvec2 ty; // Its y.
+    uvec2 tz; // Its z.
+    vec3 normal_x; // From the mesh's normals to the world's, first column.
+    vec3 normal_y; // Second column.
+    vec3 normal_z; // Third column.
+    uint start; // Row in `triangles` of the mesh's first triangle.
+    uint materials; // First row in `place_materials`.
+    uint emitters; // Row in `emitters` of the first of its triangles that shine.
+    uint first; // The number of its first triangle where nothing is shared.
 };
 
 // A point that shines in all directions or into a cone.

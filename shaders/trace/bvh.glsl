@@ -9,8 +9,8 @@
 #include "trace/intersect.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 27, scalar) readonly buffer Nodes { uvec4 nodes[]; };
-layout(set = 0, binding = 28, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
+layout(set = 0, binding = 29, scalar) readonly buffer Nodes { uvec4 nodes[]; };
+layout(set = 0, binding = 30, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
 
 const uint STACK = 32u;
 
@@ -67,7 +67,7 @@ uint node_hits(uvec4 n0, uvec4 n1, uint node, BoxRay ray, float t_max) {
 
 // The nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
 bool traverse(Ray ray, float t_max, bool any, out Hit best) {
-    best = Hit(t_max, NONE, vec2(0.0));
+    best = Hit(t_max, NONE, NONE, vec2(0.0));
     ShearedRay shear = sheared_ray(ray);
     BoxRay boxed;
     boxed.origin = ray.origin;
@@ -104,6 +104,7 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
             leaf.y &= ~(1u << place);
             Hit hit;
             hit.primitive = leaf_primitives[leaf.x + place];
+            hit.instance = NONE;
             hit.uv = vec2(0.0);
             bool found;
             if (hit.primitive < job.triangle_count) {

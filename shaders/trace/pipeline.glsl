@@ -7,11 +7,11 @@
 #include "scene.glsl"
 #include "trace/payload.glsl"
 
-layout(set = 0, binding = 27) uniform accelerationStructureEXT structure;
+layout(set = 0, binding = 29) uniform accelerationStructureEXT structure;
 layout(location = 0) rayPayloadEXT Payload payload;
 
 bool seam_closest(Ray ray, float t_max, out Hit hit) {
-    payload.hit = Hit(t_max, NONE, vec2(0.0));
+    payload.hit = Hit(t_max, NONE, NONE, vec2(0.0));
     traceRayEXT(structure, gl_RayFlagsNoneEXT, 0xffu, 0u, 0u, 0u, ray.origin, 0.0, ray.dir, t_max, 0);
     hit = payload.hit;
     return hit.primitive != NONE;
@@ -19,7 +19,7 @@ bool seam_closest(Ray ray, float t_max, out Hit hit) {
 
 bool seam_occluded(Ray ray, float t_max) {
     // Only the miss shader runs, and changes what stands here.
-    payload.hit = Hit(t_max, 0u, vec2(0.0));
+    payload.hit = Hit(t_max, 0u, NONE, vec2(0.0));
     const uint flags = gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
     traceRayEXT(structure, flags, 0xffu, 0u, 0u, 0u, ray.origin, 0.0, ray.dir, t_max, 0);
     return payload.hit.primitive != NONE;

@@ -1,14 +1,14 @@
-// The traversal of `vulkan-query`: ray queries against acceleration structures. Instances say by their custom index what
-// they hold: 0 triangles, 1 spheres.
+// The traversal of `vulkan-query`: ray queries against acceleration structures.
 #ifndef TRACE_QUERY_GLSL
 #define TRACE_QUERY_GLSL
 
 #extension GL_EXT_ray_query : require
 
+#include "trace/instances.glsl"
 #include "trace/intersect.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 27) uniform accelerationStructureEXT structure;
+layout(set = 0, binding = 29) uniform accelerationStructureEXT structure;
 
 bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
     rayQueryEXT query;
@@ -17,28 +17,34 @@ bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
         uint i = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
         if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT) {
             vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
-            if (!is_masked_out(ray, Hit(rayQueryGetIntersectionTEXT(query, false), i, uv))) {
+            Hit candidate = hit_of_instance(
+                ray.origin, ray.dir, rayQueryGetIntersectionTEXT(query, false),
+                rayQueryGetIntersectionInstanceCustomIndexEXT(query, false), int(i), uv
+            );
+            if (candidate.t > 0.0 && !is_masked_out(ray, candidate)) {
                 rayQueryConfirmIntersectionEXT(query);
             }
         } else {
             bool nearer = rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
             float before = nearer ? rayQueryGetIntersectionTEXT(query, true) : t_max;
-            Hit candidate = Hit(0.0, job.triangle_count + i, vec2(0.0));
+            Hit candidate = Hit(0.0, job.triangle_count + i, NONE, vec2(0.0));
             if (intersect_sphere(spheres[i], ray, before, candidate.t) && !is_masked_out(ray, candidate)) {
                 rayQueryGenerateIntersectionEXT(query, candidate.t);
             }
         }
     }
-    hit = Hit(t_max, NONE, vec2(0.0));
+    hit = Hit(t_max, NONE, NONE, vec2(0.0));
     if (rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionNoneEXT) {
         return false;
     }
-    hit.t = rayQueryGetIntersectionTEXT(query, true);
-    hit.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));
-    if (rayQueryGetIntersectionInstanceCustomIndexEXT(query, true) == 0) {
-        hit.uv = rayQueryGetIntersectionBarycentricsEXT(query, true);
+    float t = rayQueryGetIntersectionTEXT(query, true);
+    int custom = rayQueryGetIntersectionInstanceCustomIndexEXT(query, true);
+    int i = rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
+    if (custom == INSTANCE_SPHERES) {
+        hit = Hit(t, job.triangle_count + uint(i), NONE, vec2(0.0));
     } else {
-        hit.primitive += job.triangle_count;
+        vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, true);
+        hit = hit_of_instance(ray.origin, ray.dir, t, custom, i, uv);
     }
     return true;
 }

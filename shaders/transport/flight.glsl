@@ -83,7 +83,7 @@ Flight flight_of_light(vec3 from) {
 
 // The surface that a ray of this path has met, as one part of its material if that is composed.
 Surface flight_arrive(inout Flight f, Ray ray, Hit hit, inout Chance chance) {
-    uint row = material_of(hit.primitive);
+    uint row = material_of(hit.primitive, hit.instance);
 #ifdef PARTS
     uvec2 parts = materials[row].parts;
     f.part = NONE;

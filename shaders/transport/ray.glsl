@@ -8,11 +8,12 @@ struct Ray {
     vec3 dir;
 };
 
-// What a ray met first: distance; primitive id, triangles first and spheres after them; barycentric weights of the second
-// and third corner, zero for spheres.
+// What a ray met first: distance; primitive id, triangles first and spheres after them; the copy of a mesh, or NONE;
+// barycentric weights of the second and third corner, zero for spheres.
 struct Hit {
     float t;
     uint primitive;
+    uint instance;
     vec2 uv;
 };
 

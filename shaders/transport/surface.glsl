@@ -3,6 +3,7 @@
 #define TRANSPORT_SURFACE_GLSL
 
 #include "scene.glsl"
+#include "copies.glsl"
 #include "math/elementary.glsl"
 #include "math/rng.glsl"
 #include "transport/light/types.glsl"
@@ -103,20 +104,6 @@ vec2 uv_at(Ray ray, Hit hit) {
     return sphere_uv(normalize_or(ray.origin + ray.dir * hit.t - center, -ray.dir));
 }
 
-// The material row of a primitive.
-uint material_of(uint primitive) {
-    return primitive < job.triangle_count
-        ? attributes[primitive].material
-        : spheres[primitive - job.triangle_count].material;
-}
-
-// The emitter row of a primitive, or NONE.
-uint emitter_of(uint primitive) {
-    return primitive < job.triangle_count
-        ? attributes[primitive].emitter
-        : spheres[primitive - job.triangle_count].emitter;
-}
-
 // How much of a material there is at texture coordinates: see Rust.
 float coverage(uint material, vec2 uv) {
     uint index = materials[material].mask_texture;
@@ -133,7 +120,7 @@ float coverage(uint material, vec2 uv) {
 // Whether the mask of the material that was hit says that there is nothing; in blend mode a hash of ray and primitive
 // decides.
 bool is_masked_out(Ray ray, Hit hit) {
-    uint material = material_of(hit.primitive);
+    uint material = material_of(hit.primitive, hit.instance);
     if (materials[material].mask_texture == NONE) {
         return false;
     }
@@ -141,7 +128,7 @@ bool is_masked_out(Ray ray, Hit hit) {
     if (materials[material].mask_mode == MASK_THRESHOLD) {
         return covered == 0.0;
     }
-    uvec4 directed = pcg4d(uvec4(floatBitsToUint(ray.dir), hit.primitive));
+    uvec4 directed = pcg4d(uvec4(floatBitsToUint(ray.dir), number_of(hit.primitive, hit.instance)));
     uvec4 placed = uvec4(floatBitsToUint(ray.origin) ^ directed.xyz, directed.w);
     return unit(pcg4d(placed).x) >= covered;
 }
@@ -153,8 +140,8 @@ Overhang find_overhang(Surface s, Ray ray, Hit hit) {
     if (!opaque && !metal) {
         return NO_OVERHANG;
     }
-    Triangle corners = triangles[hit.primitive];
-    TriangleAttributes a = attributes[hit.primitive];
+    Triangle corners = triangle_corners(hit.primitive, hit.instance);
+    TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
     vec3 lift = a.na * (dot(s.position - corners.a, a.na) * -(1.0 - hit.uv.x - hit.uv.y))
         - a.nb * (dot(s.position - corners.b, a.nb) * hit.uv.x)
         - a.nc * (dot(s.position - corners.c, a.nc) * hit.uv.y);
@@ -187,7 +174,7 @@ void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
     vec3 first, second;
     vec2 rises = slopes;
     if (hit.primitive < job.triangle_count) {
-        Triangle corners = triangles[hit.primitive];
+        Triangle corners = triangle_corners(hit.primitive, hit.instance);
         TriangleAttributes a = attributes[hit.primitive];
         first = corners.b - corners.a;
         second = corners.c - corners.a;
@@ -209,11 +196,9 @@ void surface_orient(inout Surface s, Hit hit) {
     vec3 n_axis = s.n_shading, u_axis, v_axis;
     if (hit.primitive < job.triangle_count) {
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
-        TriangleAttributes a = attributes[hit.primitive];
-        Tangents t = Tangents(vec4(0.0), vec4(0.0), vec4(0.0));
-        if (job.has_tangents != 0u) {
-            t = tangents[hit.primitive];
-        }
+        Triangle corners = triangle_corners(hit.primitive, hit.instance);
+        TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+        Tangents t = triangle_tangents(hit.primitive, hit.instance);
         n_axis = a.na * weights.x + a.nb * weights.y + a.nc * weights.z;
         u_axis = (t.a * weights.x + t.b * weights.y + t.c * weights.z).xyz;
         v_axis = cross(a.na, t.a.xyz) * t.a.w * weights.x + cross(a.nb, t.b.xyz) * t.b.w * weights.y
@@ -261,15 +246,15 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
     s.tangent = vec3(0.0);
     s.overhang = NO_OVERHANG;
     if (hit.primitive < job.triangle_count) {
-        Triangle corners = triangles[hit.primitive];
-        TriangleAttributes a = attributes[hit.primitive];
+        Triangle corners = triangle_corners(hit.primitive, hit.instance);
+        TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
         s.position = corners.a * weights.x + corners.b * weights.y + corners.c * weights.z;
         s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
         s.n_shading = normalize_or(a.na * weights.x + a.nb * weights.y + a.nc * weights.z, s.n_geometric);
         s.uv = a.ta * weights.x + a.tb * weights.y + a.tc * weights.z;
         s.tint = tint_at(hit.primitive, hit.uv);
-        s.emitter = a.emitter;
+        s.emitter = emitter_of(hit.primitive, hit.instance);
         if (materials[s.material].shadow_terminator != 0u) {
             s.overhang = find_overhang(s, ray, hit);
         }
@@ -295,7 +280,7 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
 
 // The surface at a hit of `ray`; a composed material is shown as a whole.
 Surface surface_at(Ray ray, Hit hit) {
-    return surface_of_material(ray, hit, material_of(hit.primitive));
+    return surface_of_material(ray, hit, material_of(hit.primitive, hit.instance));
 }
 
 // This surface as edges meet it that leave from the crest of its overhang, if it has one.

@@ -20,7 +20,7 @@ Sphere area_sphere(uint i) {
 LightPoint area_sample(uint i, vec2 u) {
     uint p = emitters[i].primitive;
     if (p < job.triangle_count) {
-        Triangle corners = triangles[p];
+        Triangle corners = triangle_corners(p, emitters[i].instance);
         TriangleAttributes a = attributes[p];
         vec2 vw = uniform_triangle(u);
         float rest = 1.0 - vw.x - vw.y;
@@ -50,7 +50,7 @@ float area_density(vec3 to, float distance, vec3 normal, float area) {
 
 // The material of emitter `i`.
 uint area_material(uint i) {
-    return material_of(emitters[i].primitive);
+    return material_of(emitters[i].primitive, emitters[i].instance);
 }
 
 // Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.

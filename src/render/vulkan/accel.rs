@@ -1,10 +1,15 @@
-//! Acceleration structures: one over all triangles and one over the boxes of all spheres, each made compact, and one above
-//! both. A compiled scene is flat, so there is one instance of each.
+//! Acceleration structures: one over the triangles that are no copies, one over the boxes of all spheres, and one over each mesh
+//! that stands in many places, each made compact; and one above all, with an instance of the first two and one for every copy.
+//!
+//! Copies are placed in single precision here, which decides what a ray meets and no more: where on a triangle, and how far,
+//! shaders compute from the triangle as it lies in the world. So a hit of a copy is always shown to a shader, which refuses
+//! those that are not before the ray's origin.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use ash::{khr, vk};
+use glam::DAffine3;
 
 use super::buffer::Buffer;
 use super::device::Device;
@@ -24,7 +29,7 @@ const BUILD_INPUT: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
 struct Structure {
     device: Arc<Device>,
     raw: vk::AccelerationStructureKHR,
-    _memory: Buffer,
+    memory: Buffer,
 }
 
 impl Drop for Structure {
@@ -46,7 +51,17 @@ pub struct Accel {
     _boxes: Option<Buffer>,
     /// Seconds spent building.
     pub build_s: f64,
+    /// Bytes of all structures.
+    pub bytes: u64,
 }
+
+/// What shaders take an instance's custom index for; see `shaders/trace/instances.glsl`.
+const TRIANGLES: u32 = 0;
+const SPHERES: u32 = 1;
+const COPIES: u32 = 2;
+
+/// Custom indices have 24 bits.
+const MOST_COPIES: usize = (1 << 24) - COPIES as usize;
 
 impl Accel {
     /// Builds the structures of a scene whose buffers are on the device.
@@ -67,20 +82,36 @@ impl Accel {
         // Where nothing has a mask, no hit needs a shader to count.
         let flags = if masked { vk::GeometryFlagsKHR::empty() } else { vk::GeometryFlagsKHR::OPAQUE };
         let (mut bottom, mut instances, mut boxes) = (Vec::new(), Vec::new(), None);
-        if !scene.triangles.is_empty() {
+        if scene.instances.places.len() > MOST_COPIES {
+            let needed = format!("{} copies of meshes (at most {MOST_COPIES})", scene.instances.places.len());
+            return Err(VulkanError::Lacks { device: device.info.line(), needed });
+        }
+        let mut mesh = |name: &str, rows: std::ops::Range<u32>, flags: vk::GeometryFlagsKHR| {
+            let count = rows.len() as u32;
+            let first = buffers.triangles.address() + u64::from(rows.start) * size_of::<Triangle>() as u64;
             let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
                 .vertex_format(vk::Format::R32G32B32_SFLOAT)
-                .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: buffers.triangles.address() })
+                .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: first })
                 .vertex_stride(size_of::<Triangle>() as u64 / 3)
-                .max_vertex(3 * scene.triangles.len() as u32 - 1)
+                .max_vertex(3 * count - 1)
                 .index_type(vk::IndexType::NONE_KHR);
             let geometry = vk::AccelerationStructureGeometryKHR::default()
                 .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
                 .geometry(vk::AccelerationStructureGeometryDataKHR { triangles })
                 .flags(flags);
-            let count = scene.triangles.len() as u32;
-            bottom.push(build(device, accel, "triangles", geometry, count, true)?);
-            instances.push(instance(accel, &bottom, 0));
+            bottom.push(build(device, accel, name, geometry, count, true)?);
+            Ok::<u64, VulkanError>(address(accel, &bottom))
+        };
+        let world = scene.world_triangles() as u32;
+        if world > 0 {
+            let made = mesh("triangles", 0..world, flags)?;
+            instances.push(instance(made, TRIANGLES, 0, DAffine3::IDENTITY));
+        }
+        let meshes = scene.instances.meshes.iter();
+        let meshes = meshes.map(|m| mesh("mesh", m.triangles.clone(), vk::GeometryFlagsKHR::empty()));
+        let meshes: Vec<u64> = meshes.collect::<Result<_, _>>()?;
+        for (row, place) in (0..).zip(&scene.instances.places) {
+            instances.push(instance(meshes[place.mesh as usize], COPIES + row, 0, place.to_world));
         }
         if !scene.spheres.is_empty() {
             let rows: Vec<[f32; 6]> = scene
@@ -100,7 +131,7 @@ impl Accel {
                 .geometry(vk::AccelerationStructureGeometryDataKHR { aabbs })
                 .flags(flags);
             bottom.push(build(device, accel, "spheres", geometry, rows.len() as u32, true)?);
-            instances.push(instance(accel, &bottom, 1));
+            instances.push(instance(address(accel, &bottom), SPHERES, 1, DAffine3::IDENTITY));
         }
         let words: Vec<u8> = instances.iter().flat_map(bytes_of_instance).collect();
         let rows = Buffer::with(device, "instances", &words, BUILD_INPUT)?;
@@ -110,7 +141,8 @@ impl Accel {
             .geometry_type(vk::GeometryTypeKHR::INSTANCES)
             .geometry(vk::AccelerationStructureGeometryDataKHR { instances: data });
         let top = build(device, accel, "scene", geometry, instances.len() as u32, false)?;
-        Ok(Accel { top, _bottom: bottom, _boxes: boxes, build_s: start.elapsed().as_secs_f64() })
+        let bytes = bottom.iter().chain([&top]).map(|s| s.memory.size).sum::<u64>() + rows.size;
+        Ok(Accel { top, _bottom: bottom, _boxes: boxes, build_s: start.elapsed().as_secs_f64(), bytes })
     }
 
     /// The structure over everything.
@@ -119,21 +151,24 @@ impl Accel {
     }
 }
 
-/// An instance that is where it is, with the last structure; `kind` is what shaders see of it, and its hit group.
-fn instance(
-    accel: &khr::acceleration_structure::Device,
-    bottom: &[Structure],
-    kind: u32,
-) -> vk::AccelerationStructureInstanceKHR {
+/// Where the last structure lies on the device.
+fn address(accel: &khr::acceleration_structure::Device, bottom: &[Structure]) -> u64 {
     let raw = bottom.last().map_or(vk::AccelerationStructureKHR::null(), |s| s.raw);
     let info = vk::AccelerationStructureDeviceAddressInfoKHR::default().acceleration_structure(raw);
     // SAFETY: the structure was built.
-    let device_handle = unsafe { accel.get_acceleration_structure_device_address(&info) };
+    unsafe { accel.get_acceleration_structure_device_address(&info) }
+}
+
+/// An instance of a structure; `custom` is what shaders see of it, `group` its hit group.
+fn instance(device_handle: u64, custom: u32, group: u32, to_world: DAffine3) -> vk::AccelerationStructureInstanceKHR {
     let no_culling = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() as u8;
+    let [x, y, z, t] = [to_world.x_axis, to_world.y_axis, to_world.z_axis, to_world.translation].map(|v| v.as_vec3());
+    // Row by row.
+    let matrix = [x.x, y.x, z.x, t.x, x.y, y.y, z.y, t.y, x.z, y.z, z.z, t.z];
     vk::AccelerationStructureInstanceKHR {
-        transform: vk::TransformMatrixKHR { matrix: [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0] },
-        instance_custom_index_and_mask: vk::Packed24_8::new(kind, 0xff),
-        instance_shader_binding_table_record_offset_and_flags: vk::Packed24_8::new(kind, no_culling),
+        transform: vk::TransformMatrixKHR { matrix },
+        instance_custom_index_and_mask: vk::Packed24_8::new(custom, 0xff),
+        instance_shader_binding_table_record_offset_and_flags: vk::Packed24_8::new(group, no_culling),
         acceleration_structure_reference: vk::AccelerationStructureReferenceKHR { device_handle },
     }
 }
@@ -265,5 +300,5 @@ fn storage(
     let raw = unsafe { accel.create_acceleration_structure(&info, None) }
         .map_err(|r| device.failed("vkCreateAccelerationStructureKHR", r))?;
     device.name(raw, name);
-    Ok(Structure { device: Arc::clone(device), raw, _memory: memory })
+    Ok(Structure { device: Arc::clone(device), raw, memory })
 }

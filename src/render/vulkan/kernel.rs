@@ -32,8 +32,8 @@ fn head(in_words: usize, out_words: usize) -> String {
     format!(
         "#version 460\n{extension}\n{scene}\n\
          layout(local_size_x = {GROUP}) in;\n\
-         layout(set = 0, binding = 18, scalar) readonly buffer KernelInputs {{ uint kernel_inputs[]; }};\n\
-         layout(set = 0, binding = 19, scalar) writeonly buffer KernelOutputs {{ uint kernel_outputs[]; }};\n\
+         layout(set = 0, binding = 20, scalar) readonly buffer KernelInputs {{ uint kernel_inputs[]; }};\n\
+         layout(set = 0, binding = 21, scalar) writeonly buffer KernelOutputs {{ uint kernel_outputs[]; }};\n\
          layout(push_constant, scalar) uniform KernelPush {{ uint kernel_rows; }};\n\
          uint kernel_in = 0u, kernel_out = 0u;\n\
          uint in_word() {{ return kernel_inputs[gl_GlobalInvocationID.x * {in_words}u + kernel_in++]; }}\n\

@@ -88,11 +88,11 @@ impl Traversal {
         }
     }
 
-    /// Seconds of the build, and number of nodes where they are known.
-    pub fn built(&self) -> (f64, u64) {
+    /// Seconds of the build, number of nodes where they are known, and bytes on the device.
+    pub fn built(&self) -> (f64, u64, u64) {
         match self {
-            Traversal::Bvh(bvh) => (bvh.build_s, bvh.node_count as u64),
-            Traversal::Accel(accel) => (accel.build_s, 0),
+            Traversal::Bvh(bvh) => (bvh.build_s, bvh.node_count as u64, bvh.nodes.size + bvh.primitives.size),
+            Traversal::Accel(accel) => (accel.build_s, 0, accel.bytes),
         }
     }
 }

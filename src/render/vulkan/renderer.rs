@@ -98,7 +98,9 @@ impl VulkanRenderer {
         steps: bool,
     ) -> Result<VulkanRenderer, VulkanError> {
         let unfolded;
-        let scene = if scene.instances.places.is_empty() {
+        // Acceleration structures have copies; they are placed in double precision, as on the CPU.
+        let copies = kind != Kind::Compute && device.info.caps.doubles;
+        let scene = if scene.instances.places.is_empty() || copies {
             scene
         } else {
             unfolded = scene.flattened(MOST_UNFOLDED).map_err(|found| VulkanError::Lacks {
@@ -124,7 +126,7 @@ impl VulkanRenderer {
         let job_buffers = JobBuffers::new(device, scene, job, &layout)?;
         let upload_s = start.elapsed().as_secs_f64();
         let traversal = Traversal::new(device, kind, scene, &scene_buffers)?;
-        let (build_s, nodes) = traversal.built();
+        let (build_s, nodes, bytes) = traversal.built();
         let mut defines = vec![
             ("SAMPLER_KIND", format!("{}u", u32::from(job.sampler.name == "sobol"))),
             ("MODELS", upload::models(scene).to_string()),
@@ -142,6 +144,9 @@ impl VulkanRenderer {
         }
         if is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty()) {
             defines.push(("PARTS", String::new()));
+        }
+        if !scene.instances.places.is_empty() {
+            defines.push(("COPIES", String::new()));
         }
         if steps {
             defines.push(("PATHS", String::new()));
@@ -174,6 +179,7 @@ impl VulkanRenderer {
                 pipeline_s,
                 accel_build_s: build_s,
                 accel_nodes: nodes,
+                accel_bytes: bytes,
                 device: device.info.line(),
                 ..OpenStats::default()
             },

@@ -10,8 +10,9 @@ use crate::scene::CompiledScene;
 /// The open device. It is kept for the next run, and forgotten once it failed.
 static DEVICE: Mutex<Option<Arc<Device>>> = Mutex::new(None);
 
-/// A scene on a device: which device, the hash of the scene, its buffers.
-type Copied = (Weak<Device>, [u8; 32], Weak<SceneBuffers>);
+/// A scene on a device: which device, the hash of the scene and its number of triangles, which unfolding changes, its
+/// buffers.
+type Copied = (Weak<Device>, ([u8; 32], usize), Weak<SceneBuffers>);
 
 /// The last scene, as long as a run uses it.
 static SCENE: Mutex<Option<Copied>> = Mutex::new(None);
@@ -48,15 +49,16 @@ pub fn scene(device: &Arc<Device>, scene: &CompiledScene) -> Result<Arc<SceneBuf
     let mut shared = SCENE.lock().unwrap_or_else(PoisonError::into_inner);
     // Scenes made in code have no hash.
     let known = scene.content_hash != [0; 32];
-    if let Some((on, hash, buffers)) = &*shared
+    let key = (scene.content_hash, scene.triangles.len());
+    if let Some((on, made_of, buffers)) = &*shared
         && known
-        && *hash == scene.content_hash
+        && *made_of == key
         && std::ptr::eq(on.as_ptr(), Arc::as_ptr(device))
         && let Some(buffers) = buffers.upgrade()
     {
         return Ok(buffers);
     }
     let buffers = Arc::new(SceneBuffers::new(device, scene)?);
-    *shared = Some((Arc::downgrade(device), scene.content_hash, Arc::downgrade(&buffers)));
+    *shared = Some((Arc::downgrade(device), key, Arc::downgrade(&buffers)));
     Ok(buffers)
 }

@@ -21,6 +21,7 @@ macro_rules! embed {
 }
 
 embed![
+    "copies.glsl",
     "entry/compute.comp",
     "entry/generation.rgen",
     "entry/mask.rahit",
@@ -45,6 +46,7 @@ embed![
     "math/warp.glsl",
     "scene.glsl",
     "trace/bvh.glsl",
+    "trace/instances.glsl",
     "trace/intersect.glsl",
     "trace/payload.glsl",
     "trace/pipeline.glsl",

@@ -44,7 +44,7 @@ pub struct SceneBuffers {
 /// What depends on the job too.
 pub struct JobBuffers {
     job: Buffer,
-    others: [Buffer; 7],
+    others: [Buffer; 9],
 }
 
 impl SceneBuffers {
@@ -78,8 +78,11 @@ impl SceneBuffers {
             layout::Material { parts, ..material(m) }
         };
         let materials: Vec<layout::Material> = scene.materials.iter().enumerate().map(material).collect();
-        let emitters: Vec<layout::Emitter> =
-            scene.emitters.iter().map(|e| layout::Emitter { primitive: e.primitive, area: e.area }).collect();
+        let emitters: Vec<layout::Emitter> = scene
+            .emitters
+            .iter()
+            .map(|e| layout::Emitter { primitive: e.primitive, instance: e.instance, area: e.area })
+            .collect();
         let points: Vec<layout::PointLight> = scene
             .points
             .iter()
@@ -142,6 +145,8 @@ impl JobBuffers {
                 Buffer::with(device, "parts of materials", &delays.parts, plain)?,
                 Buffer::with(device, "profiles in time", &delays.profiles, plain)?,
                 Buffer::with(device, "knots of tables", &delays.knots, plain)?,
+                Buffer::with(device, "places of copies", &places(scene), plain)?,
+                Buffer::with(device, "materials of copies", &scene.instances.materials, plain)?,
             ],
         })
     }
@@ -150,6 +155,34 @@ impl JobBuffers {
 /// The first bindings of every descriptor set, in the order of `shaders/scene.glsl`.
 pub fn bound<'a>(scene: &'a SceneBuffers, job: &'a JobBuffers) -> Vec<Bound<'a>> {
     [&job.job, &scene.triangles].into_iter().chain(&scene.others).chain(&job.others).map(Bound::Storage).collect()
+}
+
+fn places(scene: &CompiledScene) -> Vec<layout::Place> {
+    let place = |p: &compile::Instance| {
+        let [xx, xy, xz, yx, yy, yz, zx, zy, zz, tx, ty, tz] = p.to_world.to_cols_array().map(words);
+        layout::Place {
+            xx,
+            xy,
+            xz,
+            yx,
+            yy,
+            yz,
+            zx,
+            zy,
+            zz,
+            tx,
+            ty,
+            tz,
+            normal_x: p.normal_to_world.x_axis.into(),
+            normal_y: p.normal_to_world.y_axis.into(),
+            normal_z: p.normal_to_world.z_axis.into(),
+            start: scene.instances.meshes[p.mesh as usize].triangles.start,
+            materials: p.materials,
+            emitters: p.emitters,
+            first: p.first,
+        }
+    };
+    scene.instances.places.iter().map(place).collect()
 }
 
 fn triangle([a, b, c]: &[Vec3; 3]) -> layout::Triangle {

@@ -39,7 +39,7 @@ bool brute(Ray ray, float t_max, out Hit hit) {
     bool found = false;
     hit.t = t_max;
     [[dont_unroll]] for (uint i = 0u; i < job.triangle_count + job.sphere_count; ++i) {
-        Hit next = Hit(0.0, i, vec2(0.0));
+        Hit next = Hit(0.0, i, NONE, vec2(0.0));
         bool met = i < job.triangle_count
             ? triangle_hit(ray, i, next.t, next.uv)
             : sphere_hit(ray, i - job.triangle_count, t_max, next.t);

@@ -5,6 +5,7 @@ bool trace_occluded(Ray ray, float t_max) { return false; }
 void twin() {
     Hit hit;
     hit.primitive = in_word();
+    hit.instance = NONE;
     hit.uv = in_vec2();
     Ray ray;
     ray.origin = in_vec3();

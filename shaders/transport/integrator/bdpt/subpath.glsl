@@ -236,7 +236,7 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
                 break;
             }
             // From the camera, the last edge finds light or nothing.
-            if (camera && count + 1u == edges && emitter_of(hit.primitive) == NONE) {
+            if (camera && count + 1u == edges && emitter_of(hit.primitive, hit.instance) == NONE) {
                 break;
             }
             Surface surface = flight_arrive(flight, d.ray, hit, chance);

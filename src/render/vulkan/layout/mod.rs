@@ -13,8 +13,8 @@ use crate::render::paths::MOST_STEPS;
 pub use film::{Counters, Invalid, PathStep, Sums, TimeSums, Wave};
 pub use job::{EnvironmentRow, Job, LightChoice};
 pub use scene::{
-    DelayProfile, DirectionalLight, Emitter, Knot, Material, MaterialPart, PointLight, Sphere, Tangents, Texture,
-    Triangle, TriangleAttributes,
+    DelayProfile, DirectionalLight, Emitter, Knot, Material, MaterialPart, Place, PointLight, Sphere, Tangents,
+    Texture, Triangle, TriangleAttributes,
 };
 
 /// A Rust type whose bytes are those of a GLSL type in scalar block layout.

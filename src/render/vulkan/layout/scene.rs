@@ -191,8 +191,52 @@ super::gpu_structs! {
     pub struct Emitter {
         /// Primitive id: triangles first, spheres after them.
         primitive: u32,
+        /// The copy of a mesh that it belongs to, or NONE.
+        instance: u32,
         /// Area in square scene units.
         area: f32,
+    }
+
+    /// Where a copy of a mesh stands: `scene::compile::Instance`. Words of doubles, low one first.
+    pub struct Place {
+        /// What the mesh's x axis is in the world, its x.
+        xx: [u32; 2],
+        /// Its y.
+        xy: [u32; 2],
+        /// Its z.
+        xz: [u32; 2],
+        /// What the mesh's y axis is in the world, its x.
+        yx: [u32; 2],
+        /// Its y.
+        yy: [u32; 2],
+        /// Its z.
+        yz: [u32; 2],
+        /// What the mesh's z axis is in the world, its x.
+        zx: [u32; 2],
+        /// Its y.
+        zy: [u32; 2],
+        /// Its z.
+        zz: [u32; 2],
+        /// Where the mesh's origin is in the world, its x.
+        tx: [u32; 2],
+        /// Its y.
+        ty: [u32; 2],
+        /// Its z.
+        tz: [u32; 2],
+        /// From the mesh's normals to the world's, first column.
+        normal_x: [f32; 3],
+        /// Second column.
+        normal_y: [f32; 3],
+        /// Third column.
+        normal_z: [f32; 3],
+        /// Row in `triangles` of the mesh's first triangle.
+        start: u32,
+        /// First row in `place_materials`.
+        materials: u32,
+        /// Row in `emitters` of the first of its triangles that shine.
+        emitters: u32,
+        /// The number of its first triangle where nothing is shared.
+        first: u32,
     }
 
     /// A point that shines in all directions or into a cone.
