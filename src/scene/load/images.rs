@@ -1,11 +1,13 @@
 //! Textures: PNG, JPEG, BMP, TGA and Radiance HDR files through the `image` crate, and OpenEXR, within limits.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use image::{DynamicImage, ImageReader, Limits};
 
-use super::{openexr, read, unreadable};
+use super::{openexr, place, read, unreadable};
 use crate::scene::desc::{Texels, TextureDesc, texture_hash};
 use crate::scene::{Note, SceneError};
 
@@ -22,6 +24,97 @@ const SMALL_TEXTURE_BYTES: u64 = 16 << 20;
 /// Greatest memory that decoding a file of this size may take, in bytes.
 fn room(file_bytes: usize) -> u64 {
     (file_bytes as u64).saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES).min(MAX_TEXTURE_BYTES)
+}
+
+/// How many times the pictures that were read those made from them may be together: a grey one of floats for every use of
+/// one with 8 bits is four times as large.
+const MAX_MADE: u64 = 64;
+/// What pictures made from others may take whatever those are, in bytes.
+const SMALL_MADE_BYTES: u64 = 256 << 20;
+
+/// The pictures of one scene, each file read once however it is called, and those made from them.
+#[derive(Default)]
+pub(super) struct Pictures {
+    /// By place on disk.
+    files: BTreeMap<PathBuf, Arc<TextureDesc>>,
+    /// By the picture that it was made from, and how.
+    made: BTreeMap<([u8; 32], String), Arc<TextureDesc>>,
+    /// Bytes of what was read.
+    read: u64,
+    /// Bytes of what was made.
+    taken: u64,
+}
+
+impl Pictures {
+    /// Reads a file as [`load`] does, unless it was read before.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load(&mut self, path: &Path, notes: &mut Vec<Note>) -> Result<Arc<TextureDesc>, SceneError> {
+        let key = place(path);
+        if let Some(known) = self.files.get(&key) {
+            return Ok(known.clone());
+        }
+        let texture = Arc::new(load(path, notes)?);
+        self.read += bytes_of(&texture.texels);
+        self.files.insert(key, texture.clone());
+        Ok(texture)
+    }
+
+    /// Decodes a part of a file with `whole` bytes in all, of which parts may overlap.
+    ///
+    /// # Errors
+    /// As [`load`], and where all parts together are larger than such a file may make them.
+    pub fn part(
+        &mut self,
+        path: &Path,
+        bytes: Vec<u8>,
+        whole: u64,
+        notes: &mut Vec<Note>,
+    ) -> Result<Arc<TextureDesc>, SceneError> {
+        let texture = Arc::new(decode(path, bytes, notes)?);
+        self.read += bytes_of(&texture.texels);
+        if self.read > whole.saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES) {
+            let problem = format!("its images take {} MiB, too much for the size of the file", self.read >> 20);
+            return Err(SceneError::Malformed { file: path.to_owned(), place: "images".to_owned(), problem });
+        }
+        Ok(texture)
+    }
+
+    /// A picture of floats made from another one, texel by texel, unless it was made before; `how` names the function.
+    ///
+    /// # Errors
+    /// When all that was made takes too much for what was read, in words.
+    pub fn made(
+        &mut self,
+        from: &TextureDesc,
+        how: &str,
+        f: impl Fn([f32; 4]) -> [f32; 4],
+    ) -> Result<Arc<TextureDesc>, String> {
+        let key = (from.content_hash, how.to_owned());
+        if let Some(known) = self.made.get(&key) {
+            return Ok(known.clone());
+        }
+        self.taken += 16 * u64::from(from.width) * u64::from(from.height);
+        if self.taken > self.read.saturating_mul(MAX_MADE).saturating_add(SMALL_MADE_BYTES) {
+            let problem = "pictures made from others would take";
+            return Err(format!("{problem} {} MiB, too much for the size of those", self.taken >> 20));
+        }
+        let texels = match &from.texels {
+            Texels::Rgba8(t) => t.iter().map(|p| f(p.map(|c| f32::from(c) / 255.0))).collect(),
+            Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
+        };
+        let texture = Arc::new(texture(&from.file, from.width, from.height, Texels::RgbaF32(texels)));
+        self.made.insert(key, texture.clone());
+        Ok(texture)
+    }
+}
+
+fn bytes_of(texels: &Texels) -> u64 {
+    match texels {
+        Texels::Rgba8(t) => 4 * t.len() as u64,
+        Texels::RgbaF32(t) => 16 * t.len() as u64,
+    }
 }
 
 /// Reads an image file. Its format is told from its first bytes, by its extension where they say nothing.

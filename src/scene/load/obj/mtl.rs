@@ -18,15 +18,14 @@
 //! heights, which are not read. Of the options before a file name, equal factors of `-s` and the offset `-o` of the first
 //! map become those of the material.
 
-use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
 use crate::scene::desc::material::MIN_IOR;
-use crate::scene::desc::{MaterialDesc, TextureDesc, TextureSlot};
-use crate::scene::load::{Missing, images, read};
+use crate::scene::desc::{MaterialDesc, TextureSlot};
+use crate::scene::load::images::Pictures;
+use crate::scene::load::{Missing, read};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a material file in bytes.
@@ -51,9 +50,14 @@ struct Said {
 /// # Errors
 /// A file that cannot be read, statements that are not numbers where numbers belong, and textures that cannot be read
 /// unless `missing` says that those are noted.
-pub(super) fn load(path: &Path, missing: Missing, notes: &mut Vec<Note>) -> Result<Vec<MaterialDesc>, SceneError> {
+pub(super) fn load(
+    path: &Path,
+    missing: Missing,
+    pictures: &mut Pictures,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<MaterialDesc>, SceneError> {
     let bytes = read(path, MAX_MTL_BYTES)?;
-    let mut file = File { path, missing, notes, images: BTreeMap::new(), unread: Vec::new(), materials: Vec::new() };
+    let mut file = File { path, missing, notes, pictures, unread: Vec::new(), materials: Vec::new() };
     for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
         file.statement(i + 1, line.trim())?;
     }
@@ -64,8 +68,7 @@ struct File<'a> {
     path: &'a Path,
     missing: Missing,
     notes: &'a mut Vec<Note>,
-    /// By name as written.
-    images: BTreeMap<String, Arc<TextureDesc>>,
+    pictures: &'a mut Pictures,
     /// Keywords that have been noted.
     unread: Vec<String>,
     materials: Vec<(MaterialDesc, Said)>,
@@ -187,25 +190,19 @@ impl File<'_> {
         if name.is_empty() {
             return Err(self.error(line, "a map needs a file".to_owned()));
         }
-        let texture = match self.images.get(name) {
-            Some(known) => known.clone(),
-            None => {
-                let file = self.path.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
-                match images::load(&file, self.notes) {
-                    Ok(texture) => Arc::new(texture),
-                    Err(e) => {
-                        let whose = self.materials.last().map_or("", |(m, _)| m.name.as_str());
-                        let problem = format!("texture of the material `{}`: {e}", shorten(whose));
-                        if self.missing == Missing::Refused {
-                            return Err(self.error(line, problem));
-                        }
-                        self.note(line, format!("{problem}: the scalar value is used"));
-                        return Ok(());
-                    }
+        let file = self.path.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
+        let texture = match self.pictures.load(&file, self.notes) {
+            Ok(texture) => texture,
+            Err(e) => {
+                let whose = self.materials.last().map_or("", |(m, _)| m.name.as_str());
+                let problem = format!("texture of the material `{}`: {e}", shorten(whose));
+                if self.missing == Missing::Refused {
+                    return Err(self.error(line, problem));
                 }
+                self.note(line, format!("{problem}: the scalar value is used"));
+                return Ok(());
             }
         };
-        self.images.insert(name.to_owned(), texture.clone());
         self.last(|m, said| {
             m.set_texture(slot, Some(texture));
             if !said.placed && (scale, offset) != (1.0, Vec2::ZERO) {
