@@ -137,7 +137,7 @@ fn write(folder: &Path) -> std::io::Result<u64> {
             |x: u32, y: u32| (x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77)).rotate_left(band as u32);
         let picture = image::RgbImage::from_fn(TEXTURE, TEXTURE, |x, y| {
             let g = (grain(x, y) >> 28) as u8;
-            image::Rgb([(x / 4) as u8 + g, (y / 4) as u8 + g, (band * 30) as u8])
+            image::Rgb([((x / 4) as u8).saturating_add(g), ((y / 4) as u8).saturating_add(g), (band * 30) as u8])
         });
         picture.save(folder.join(format!("band{band}.png"))).map_err(std::io::Error::other)?;
     }
