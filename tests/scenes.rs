@@ -16,8 +16,12 @@ mod export;
 mod folder;
 #[path = "scenes/gltf.rs"]
 mod gltf;
+#[path = "scenes/hostile.rs"]
+mod hostile;
 #[path = "scenes/lights.rs"]
 mod lights;
+#[path = "scenes/meter.rs"]
+mod meter;
 #[path = "scenes/mitsuba.rs"]
 mod mitsuba;
 #[path = "scenes/mitsuba_damaged.rs"]
@@ -26,6 +30,8 @@ mod mitsuba_damaged;
 mod obj;
 #[path = "scenes/ply.rs"]
 mod ply;
+#[path = "scenes/samples.rs"]
+mod samples;
 #[path = "scenes/scn.rs"]
 mod scn;
 #[path = "scenes/textures.rs"]
@@ -37,6 +43,7 @@ use std::path::{Path, PathBuf};
 
 use lumbre::scene::load::load;
 use lumbre::scene::{Note, SceneDesc, SceneError};
+use samples::QUAD;
 
 /// A folder of small files for one test.
 struct Folder(tempfile::TempDir);
@@ -75,4 +82,6 @@ fn builtin_path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
 }
 
-const QUAD: &str = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nvn 0 1 0\nf 1//1 2//1 3//1 4//1\n";
+/// What a thread takes is known, for limits on memory.
+#[global_allocator]
+static METER: meter::Meter = meter::Meter;

@@ -70,6 +70,10 @@ pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {
         }
         write(TimeFile { name: format!("{name}.png"), bytes: png::encode(&frame, display, &meta).map_err(encoded)? })?;
     }
+    if args.layers {
+        let bins = (0..movie.axis.bins).map(|b| (format!("bin-{:04}", b + 1), movie.frame(b..b + 1))).collect();
+        write(TimeFile { name: "time-bins.exr".into(), bytes: exr::encode_layers(bins).map_err(encoded)? })?;
+    }
     data(&written.iter().map(|name| format!("{name}\n")).collect::<String>())?;
     let film = folder.join("time-animation.png");
     let video = folder.join("time.mp4");

@@ -8,7 +8,8 @@ use std::io::Cursor;
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{
-    Compression, Encoding, Image as ExrImage, Layer, LayerAttributes, LineOrder, SpecificChannels, WritableImage,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image as ExrImage, ImageAttributes, IntegerBounds,
+    Layer, LayerAttributes, LineOrder, SpecificChannels, WritableImage,
 };
 
 use super::{OutputError, PREFIX, check_shape};
@@ -48,6 +49,38 @@ pub fn encode(image: &Image, meta: &[(String, String)]) -> Result<Vec<u8>, Outpu
     let mut bytes = Vec::new();
     file.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(|e| fail(e.to_string()))?;
     sort_attributes(&mut bytes).ok_or_else(|| fail("the encoder left a header of unknown form".to_owned()))?;
+    Ok(bytes)
+}
+
+/// One EXR file with a layer of R, G and B for each image, under its name; all images have one size.
+///
+/// # Errors
+/// Images without pixels or of different sizes, no image at all, or a failure of the encoder.
+pub fn encode_layers(layers: Vec<(String, Image)>) -> Result<Vec<u8>, OutputError> {
+    let fail = |reason: String| OutputError::ExrWrite { reason };
+    let Some(size) = layers.first().map(|(_, first)| (first.width as usize, first.height as usize)) else {
+        return Err(fail("there is no layer to write".to_owned()));
+    };
+    let encoding =
+        Encoding { compression: Compression::ZIP16, line_order: LineOrder::Increasing, ..Encoding::default() };
+    let mut made = Vec::with_capacity(layers.len());
+    for (name, image) in layers {
+        check_shape(&image)?;
+        if (image.width as usize, image.height as usize) != size {
+            return Err(fail(format!("the layer `{name}` has another size than the first")));
+        }
+        let channel = |name: &str, c: usize| {
+            let samples: Vec<f32> = image.data.iter().map(|pixel| pixel[c]).collect();
+            AnyChannel::new(name, FlatSamples::F32(samples))
+        };
+        let channels = AnyChannels::sort([channel("R", 0), channel("G", 1), channel("B", 2)].into_iter().collect());
+        let attributes = LayerAttributes::named(Text::from_slice_unchecked(name.as_bytes()));
+        made.push(Layer::new(size, attributes, encoding, channels));
+    }
+    let attributes = ImageAttributes::new(IntegerBounds::from_dimensions(size));
+    let mut bytes = Vec::new();
+    let file = ExrImage::from_layers(attributes, made);
+    file.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(|e| fail(e.to_string()))?;
     Ok(bytes)
 }
 
@@ -130,6 +163,33 @@ mod tests {
         for _ in 0..8 {
             assert_eq!(encode(&picture(), &backwards).unwrap(), first);
         }
+    }
+
+    #[test]
+    fn layers_have_their_names_and_pixels_and_the_same_bytes_every_time() {
+        use exr::prelude::{ReadChannels, ReadLayers, read};
+        let frames =
+            || (0..3).map(|i| (format!("bin-{i}"), Image::from_fn(5, 4, |x, y| [x as f32, y as f32, i as f32])));
+        let bytes = encode_layers(frames().collect()).unwrap();
+        assert_eq!(encode_layers(frames().collect()).unwrap(), bytes);
+        let back = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+        let back = back.non_parallel().from_buffered(Cursor::new(&bytes)).unwrap();
+        assert_eq!(back.layer_data.len(), 3);
+        for (layer, (name, image)) in back.layer_data.iter().zip(frames()) {
+            assert_eq!(layer.attributes.layer_name.as_ref().unwrap().to_string(), name);
+            let channels: BTreeMap<String, Vec<f32>> = layer
+                .channel_data
+                .list
+                .iter()
+                .map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect()))
+                .collect();
+            for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
+                assert_eq!(channels[channel], image.data.iter().map(|p| p[c]).collect::<Vec<_>>());
+            }
+        }
+        assert_eq!(decode(&bytes).unwrap().0, frames().next().unwrap().1, "one picture is the first layer");
+        assert!(encode_layers(Vec::new()).is_err());
+        assert!(encode_layers(vec![("a".into(), Image::new(2, 2)), ("b".into(), Image::new(2, 3))]).is_err());
     }
 
     #[test]

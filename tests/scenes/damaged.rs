@@ -3,21 +3,14 @@
 use lumbre::scene::compile;
 use proptest::prelude::*;
 
-use super::{Folder, QUAD, builtin_path, scn};
+use super::samples::{SCN, picture, scn_mesh};
+use super::{Folder, builtin_path, scn};
 
 /// A small scene that uses every part of the format, and its files.
 fn folder() -> (Folder, String, String) {
-    let text = r#"{ "resolution": [16, 8], "maxdepth": 4,
-  "camera": { "position": [0, 1, 4], "lookat": [0, 0.5, 0], "fov": 40.5, "antialiasing_radius": 0.2 },
-  "materials": [ { "name": "a", "color": [0.5, 0.25, 1e-1], "albedotexture": "t.png", "tiling": 2 },
-                 { "name": "light", "emission": [1, 2, 3], "metallic": 0.5 } ],
-  "entities": [ { "type": "mesh", "file": "m.obj", "position": [0, -1, 0], "rotation": [0, 0.5, 0], "scale": [1, 2, 1] },
-                { "type": "sphere", "radius": 0.5, "material": "light", "inverted_normal": 1 } ] }"#;
-    let obj = format!("# mesh\nmtllib x.mtl\no one\n{QUAD}vt 0 0\nvt 1 1\nusemtl a\nf 1/1/1 2/2/1 -2/1/1\nf 1 2 3\n");
+    let (text, obj) = (SCN, scn_mesh());
     let folder = Folder::new(&[("a.scn", text), ("m.obj", &obj)]);
-    image::RgbImage::from_fn(5, 4, |x, y| image::Rgb([x as u8 * 50, y as u8 * 60, 7]))
-        .save(folder.path("t.png"))
-        .unwrap();
+    folder.write("t.png", picture(image::ImageFormat::Png));
     (folder, text.to_owned(), obj)
 }
 

@@ -7,6 +7,7 @@ use lumbre::scene::desc::{EnvironmentSource, LightKind, SceneDesc, ShapeDesc, Te
 use lumbre::scene::load::{is_folder, load, load_with};
 
 use super::export::picture;
+use super::samples::FOLDER as TEMPLATE;
 use super::{Folder, QUAD, lines};
 
 /// A folder with these texts; `scene.json` and what lies below `Objects`.
@@ -27,16 +28,6 @@ fn read(folder: &Folder) -> (SceneDesc, String) {
 fn bitmap(folder: &Folder, name: &str, pixel: [u8; 3]) {
     image::RgbImage::from_pixel(2, 2, image::Rgb(pixel)).save(folder.path(name)).unwrap();
 }
-
-/// The template of the source, with its quotes, and two objects.
-const TEMPLATE: &str = "{
-  'camera' : {'xRes' : 1280, 'yRes' : 720, 'position' : {x : 0, y : 1, z : -2},
-              'focalLength' : 0.05, 'focusDistance' : 1, 'aperture' : 2.8},
-  'materials' : [{name' : 'mat1'}, {'name' : 'mat2', 'albedo' : {'r' : 1, 'g' : 0, 'b' : 0}, 'roughness' : 0.2}],
-  'objects' : [{name' : 'floor', 'material' : 'mat1'}, {'name' : 'floor',
-               'material' : 'mat2'}],
-  'pointLights' : [{position' : {'x' : 1, 'y': 2, 'z': 3}, 'radiance' {'r' : 1, 'g' : 0, 'b' : 0}}]
-}";
 
 #[test]
 fn the_template_becomes_what_the_source_says_of_it() {

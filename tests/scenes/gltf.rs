@@ -6,45 +6,8 @@ use lumbre::scene::desc::{LightKind, MaskMode, SceneDesc, ShapeDesc, Texels, Tex
 use lumbre::scene::load::load;
 use proptest::prelude::*;
 
+use super::samples::{GLTF as TEXT, gltf_as_glb, gltf_buffer as buffer};
 use super::{Folder, lines};
-
-/// Interleaved float positions and normals of a triangle, bytes as quantised texture coordinates, and a sparse change of
-/// the last position from (0, 1, 0) to (0, 2, 0).
-fn buffer() -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for p in [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
-        p.iter().chain(&[0.0, 0.0, 1.0]).for_each(|x| bytes.extend(x.to_le_bytes()));
-    }
-    // At 72: unsigned bytes, two and two of padding for each vertex.
-    bytes.extend([0, 0, 9, 9, 255, 0, 9, 9, 0, 51, 9, 9]);
-    // At 84: indices, and the sparse part.
-    [0u16, 1, 2, 2].iter().for_each(|i| bytes.extend(i.to_le_bytes()));
-    [0.0f32, 2.0, 0.0].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
-    bytes
-}
-
-const TEXT: &str = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [ { "nodes": [0, 3, 4] } ],
-"nodes": [ { "name": "arm", "translation": [1, 0, 0], "children": [1, 2] },
-  { "mesh": 0, "scale": [2, 2, 2] }, { "mesh": 0, "rotation": [0, 1, 0, 0] },
-  { "camera": 0, "translation": [0, 0, 5] },
-  { "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,7,0,1], "extensions": { "KHR_lights_punctual": { "light": 0 } } } ],
-"cameras": [ { "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } } ],
-"extensions": { "KHR_lights_punctual": { "lights": [ { "type": "point", "color": [1, 0.5, 0], "intensity": 4 } ] } },
-"meshes": [ { "name": "leaf", "primitives": [ { "attributes": { "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 }, "indices": 3, "material": 0 } ] } ],
-"materials": [ { "name": "skin", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [1, 0, 0],
-  "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.5, 0.5, 0.5], "roughnessFactor": 0.5,
-    "baseColorTexture": { "index": 0 }, "metallicRoughnessTexture": { "index": 0 } },
-  "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 3 }, "KHR_materials_ior": { "ior": 1.8 },
-    "KHR_materials_transmission": { "transmissionFactor": 0.75 }, "KHR_materials_iridescence": {} } } ],
-"textures": [ { "source": 0 } ], "images": [ { "uri": "a%20t.png" } ],
-"accessors": [ { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
-    "sparse": { "count": 1, "indices": { "bufferView": 2, "byteOffset": 6, "componentType": 5123 }, "values": { "bufferView": 3 } } },
-  { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC3" },
-  { "bufferView": 1, "componentType": 5121, "normalized": true, "count": 3, "type": "VEC2" },
-  { "bufferView": 2, "componentType": 5123, "count": 3, "type": "SCALAR" } ],
-"bufferViews": [ { "buffer": 0, "byteOffset": 0, "byteLength": 72, "byteStride": 24 }, { "buffer": 0, "byteOffset": 72, "byteLength": 12, "byteStride": 4 },
-  { "buffer": 0, "byteOffset": 84, "byteLength": 8 }, { "buffer": 0, "byteOffset": 92, "byteLength": 12 } ],
-"buffers": [ { "uri": "b.bin", "byteLength": 104 } ] }"#;
 
 fn folder() -> Folder {
     let folder = Folder::new(&[("a.gltf", TEXT)]);
@@ -146,15 +109,7 @@ fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
 #[test]
 fn a_binary_file_says_the_same() {
     let folder = folder();
-    let mut text = TEXT.replace("\"uri\": \"b.bin\", ", "").into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let binary = buffer();
-    let mut bytes = b"glTF".to_vec();
-    let total = 12 + 8 + text.len() + 8 + binary.len();
-    [2, total as u32, text.len() as u32, 0x4E4F_534A].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
-    bytes.extend(&text);
-    [binary.len() as u32, 0x004E_4942].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
-    bytes.extend(&binary);
+    let bytes = gltf_as_glb();
     folder.write("b.glb", &bytes);
     let (desc, notes) = folder.load("b.glb").unwrap();
     check(&desc, &lines(&notes));

@@ -3,20 +3,8 @@
 use lumbre::scene::compile;
 use proptest::prelude::*;
 
+use super::samples::MITSUBA as TEXT;
 use super::{Folder, QUAD};
-
-const TEXT: &str = r##"<scene version="3.0.0"><default name="spp" value="4"/>
-<integrator type="path"><integer name="max_depth" value="5"/></integrator>
-<sensor type="thinlens"><float name="fov" value="40"/><float name="aperture_radius" value="0.1"/>
-<transform name="to_world"><lookat origin="0, 1, 5" target="0, 1, 0" up="0, 1, 0"/></transform>
-<film type="hdrfilm"><integer name="width" value="64"/><integer name="height" value="32"/></film></sensor>
-<texture type="checkerboard" id="t"><rgb name="color0" value="#ff0010"/><transform name="to_uv"><scale x="2" y="3"/></transform></texture>
-<bsdf type="twosided" id="a"><bsdf type="roughplastic"><ref name="diffuse_reflectance" id="t"/><float name="alpha" value="0.3"/></bsdf></bsdf>
-<bsdf type="mask" id="b"><float name="opacity" value="0.5"/><bsdf type="roughconductor"><string name="material" value="Au"/></bsdf></bsdf>
-<shape type="obj"><string name="filename" value="m.obj"/><ref id="a"/></shape>
-<shape type="sphere"><point name="center" x="1" y="2" z="3"/><ref id="b"/><emitter type="area"><rgb name="radiance" value="1 2 3"/></emitter></shape>
-<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/></shape>
-<emitter type="constant"><spectrum name="radiance" value="400:1, 700:2"/></emitter></scene>"##;
 
 /// Loads and compiles, whatever comes of it; an error must be short and name a file of the folder.
 fn survive(folder: &Folder) -> bool {

@@ -184,6 +184,9 @@ pub struct ViewArgs {
     /// Write frames as EXR too, and without --at all of them
     #[arg(long)]
     pub exr: bool,
+    /// Write one EXR with a layer for every bin, named `bin-0001` and so on: `time-bins.exr`
+    #[arg(long)]
+    pub layers: bool,
     /// Where the files go; `view-` and the run's id without it
     #[arg(long, value_name = "DIR")]
     pub to: Option<PathBuf>,

@@ -461,6 +461,12 @@ pub struct BenchArgs {
     /// Measure the integrators and nothing else
     #[arg(long)]
     pub mpaths: bool,
+    /// Measure loading a mesh of a million triangles and nothing else
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "backend"])]
+    pub loading: bool,
+    /// Measure what films with a time axis, delays and composed materials cost on the first scene and nothing else
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "backend", "loading"])]
+    pub time: bool,
     /// Repetitions of every measurement; medians are reported, and the spread of the rates
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,

@@ -6,11 +6,13 @@ mod clock;
 mod cluster;
 mod dashboard;
 mod efficiency;
+mod loading;
 mod long;
 mod metrics;
 mod night;
 mod rates;
 mod scale;
+mod time;
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -58,6 +60,16 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     }
     scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
     let repeats = args.repeats as usize;
+    if args.loading {
+        say("loading a mesh of a million triangles");
+        let found = loading::Loading::measure(repeats)?;
+        return Ok(Report { text: found.table(), json: json!({ "loading": found.to_json() }) });
+    }
+    if let (true, Some((_, first))) = (args.time, scenes.first()) {
+        say("measuring what time costs");
+        let costs = time::measure(first, repeats)?;
+        return Ok(Report { text: time::table(&costs), json: json!({ "time": to_json(&costs) }) });
+    }
     if !args.backend.is_empty() {
         return compare_backends(args, &scenes, say);
     }
@@ -111,6 +123,14 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         let screens = dashboard::measure()?;
         text += &dashboard::table(&screens);
         json["dashboard"] = dashboard::to_json(&screens);
+        say("loading a mesh of a million triangles");
+        let found = loading::Loading::measure(1)?;
+        text += &format!("\n{}", found.table());
+        json["loading"] = found.to_json();
+        say("measuring what time costs");
+        let costs = time::measure(first, repeats)?;
+        text += &format!("\n{}", time::table(&costs));
+        json["time"] = to_json(&costs);
         say("measuring the metrics");
         let times = metrics::measure(repeats);
         text += &format!("\n{}", metrics::table(&times));
@@ -120,6 +140,10 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         json["share_outside_advance"] = outside.into();
     }
     Ok(Report { json, text })
+}
+
+fn to_json(costs: &[time::Cost]) -> Json {
+    costs.iter().map(time::Cost::to_json).collect()
 }
 
 /// Rehearses a night of many workers in a folder instead.

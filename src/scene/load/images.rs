@@ -1,13 +1,14 @@
 //! Textures: PNG, JPEG, BMP, TGA and Radiance HDR files through the `image` crate, and OpenEXR, within limits.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
 use image::{DynamicImage, ImageReader, Limits};
 
-use super::{openexr, read, unreadable};
+use super::{openexr, place, read, unreadable};
 use crate::scene::desc::{Texels, TextureDesc, texture_hash};
 use crate::scene::{Note, SceneError};
 
@@ -24,6 +25,115 @@ const SMALL_TEXTURE_BYTES: u64 = 16 << 20;
 /// Greatest memory that decoding a file of this size may take, in bytes.
 fn room(file_bytes: usize) -> u64 {
     (file_bytes as u64).saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES).min(MAX_TEXTURE_BYTES)
+}
+
+/// How many times the pictures that were read those made from them may be together: a grey one of floats for every use of
+/// one with 8 bits is four times as large.
+const MAX_MADE: u64 = 64;
+/// What pictures made from others may take whatever those are, in bytes.
+const SMALL_MADE_BYTES: u64 = 256 << 20;
+
+/// The pictures of one scene, each file read once however it is called, and those made from them.
+#[derive(Default)]
+pub(super) struct Pictures {
+    /// By place on disk.
+    files: BTreeMap<PathBuf, Arc<TextureDesc>>,
+    /// By the picture that it was made from, and how.
+    made: BTreeMap<([u8; 32], String), Arc<TextureDesc>>,
+    /// Bytes of what was read.
+    read: u64,
+    /// Bytes of what was made.
+    taken: u64,
+}
+
+impl Pictures {
+    /// Reads a file as [`load`] does, unless it was read before.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load(&mut self, path: &Path, notes: &mut Vec<Note>) -> Result<Arc<TextureDesc>, SceneError> {
+        let key = place(path);
+        if let Some(known) = self.files.get(&key) {
+            return Ok(known.clone());
+        }
+        let texture = Arc::new(load(path, notes)?);
+        self.read += bytes_of(&texture.texels);
+        self.files.insert(key, texture.clone());
+        Ok(texture)
+    }
+
+    /// Decodes a part of a file with `whole` bytes in all, of which parts may overlap.
+    ///
+    /// # Errors
+    /// As [`load`], and where all parts together are larger than such a file may make them.
+    pub fn part(
+        &mut self,
+        path: &Path,
+        bytes: Vec<u8>,
+        whole: u64,
+        notes: &mut Vec<Note>,
+    ) -> Result<Arc<TextureDesc>, SceneError> {
+        let texture = Arc::new(decode(path, bytes, notes)?);
+        self.read += bytes_of(&texture.texels);
+        if self.read > whole.saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES) {
+            let problem = format!("its images take {} MiB, too much for the size of the file", self.read >> 20);
+            return Err(SceneError::Malformed { file: path.to_owned(), place: "images".to_owned(), problem });
+        }
+        Ok(texture)
+    }
+
+    /// A picture of floats made from another one, texel by texel, unless it was made before; `how` names the function.
+    ///
+    /// # Errors
+    /// When all that was made takes too much for what was read, in words.
+    pub fn made(
+        &mut self,
+        from: &TextureDesc,
+        how: &str,
+        f: impl Fn([f32; 4]) -> [f32; 4],
+    ) -> Result<Arc<TextureDesc>, String> {
+        let key = (from.content_hash, how.to_owned());
+        if let Some(known) = self.made.get(&key) {
+            return Ok(known.clone());
+        }
+        self.taken += 16 * u64::from(from.width) * u64::from(from.height);
+        if self.taken > self.read.saturating_mul(MAX_MADE).saturating_add(SMALL_MADE_BYTES) {
+            let problem = "pictures made from others would take";
+            return Err(format!("{problem} {} MiB, too much for the size of those", self.taken >> 20));
+        }
+        let texels = match &from.texels {
+            Texels::Rgba8(t) => t.iter().map(|p| f(p.map(|c| f32::from(c) / 255.0))).collect(),
+            Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
+        };
+        let texture = Arc::new(texture(&from.file, from.width, from.height, Texels::RgbaF32(texels)));
+        self.made.insert(key, texture.clone());
+        Ok(texture)
+    }
+
+    /// A picture of heights as one channel: the luminance of what is coloured [ITU-R BT.709].
+    ///
+    /// # Errors
+    /// As [`Pictures::made`].
+    pub fn heights(&mut self, image: &Arc<TextureDesc>) -> Result<Arc<TextureDesc>, String> {
+        let is_grey = match &image.texels {
+            Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
+            Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
+        };
+        if is_grey {
+            return Ok(Arc::clone(image));
+        }
+        self.made(image, "heights", |[r, g, b, _]| {
+            let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            [y, y, y, 1.0]
+        })
+    }
+}
+
+fn bytes_of(texels: &Texels) -> u64 {
+    match texels {
+        Texels::Rgba8(t) => 4 * t.len() as u64,
+        Texels::RgbaF32(t) => 16 * t.len() as u64,
+    }
 }
 
 /// Reads an image file. Its format is told from its first bytes, by its extension where they say nothing.
@@ -95,26 +205,6 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
     Ok(texture(path, width, height, texels))
 }
 
-/// A picture of heights as one channel: the luminance of what is coloured [ITU-R BT.709].
-pub(super) fn heights(image: &Arc<TextureDesc>) -> Arc<TextureDesc> {
-    let is_grey = match &image.texels {
-        Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
-        Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
-    };
-    if is_grey {
-        return Arc::clone(image);
-    }
-    let luminance = |[r, g, b]: [f32; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    let grey = |y: f32| [y, y, y, 1.0];
-    let texels = match &image.texels {
-        Texels::Rgba8(t) => {
-            t.iter().map(|p| grey(luminance([p[0], p[1], p[2]].map(|c| f32::from(c) / 255.0)))).collect()
-        }
-        Texels::RgbaF32(t) => t.iter().map(|p| grey(luminance([p[0], p[1], p[2]]))).collect(),
-    };
-    Arc::new(texture(&image.file, image.width, image.height, Texels::RgbaF32(texels)))
-}
-
 /// Whether a picture holds normals rather than heights: in more than half of it the channels moved to -1..=1 are nearly a
 /// unit vector that looks outwards, and are not grey.
 pub(super) fn shows_normals(image: &TextureDesc) -> bool {
@@ -156,8 +246,9 @@ mod tests {
     #[test]
     fn heights_are_luminance_and_normals_are_told_from_them() {
         let grey = of(vec![[7, 7, 7, 255], [200, 200, 200, 255]]);
-        assert!(Arc::ptr_eq(&heights(&grey), &grey));
-        let Texels::RgbaF32(t) = heights(&of(vec![[255, 0, 51, 255]])).texels.clone() else {
+        assert!(Arc::ptr_eq(&Pictures::default().heights(&grey).unwrap(), &grey));
+        let Texels::RgbaF32(t) = Pictures::default().heights(&of(vec![[255, 0, 51, 255]])).unwrap().texels.clone()
+        else {
             panic!("floats expected")
         };
         assert!((t[0][0] - 0.2126 - 0.0722 * 0.2).abs() < 1e-6 && t[0][0] == t[0][2], "{:?}", t[0]);

@@ -18,7 +18,7 @@ pub use images::load as texture;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Note, SceneDesc, SceneError};
 
@@ -143,7 +143,8 @@ pub fn load_with(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>)
         return (row.load)(path, missing);
     }
     let mut head = Vec::new();
-    open(path)?.take(SNIFF_BYTES).read_to_end(&mut head).map_err(|e| unreadable(path, e))?;
+    let (file, length) = open(path)?;
+    file.take(SNIFF_BYTES.min(length)).read_to_end(&mut head).map_err(|e| unreadable(path, e))?;
     match FORMATS.iter().find(|row| (row.sniff)(&head)) {
         Some(row) => (row.load)(path, missing),
         None => Err(SceneError::UnknownFormat {
@@ -167,23 +168,30 @@ fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneError {
     SceneError::Unreadable { file: path.to_owned(), reason: reason.to_string() }
 }
 
-/// Opens a regular file: pipes and devices would block or never end.
-fn open(path: &Path) -> Result<File, SceneError> {
+/// The one path that a file has, whatever it is called; the path itself where there is no such file.
+fn place(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
+/// Opens a regular file, with its length in bytes: pipes and devices would block or never end.
+fn open(path: &Path) -> Result<(File, u64), SceneError> {
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
     if !meta.is_file() {
         return Err(unreadable(path, "it is not a regular file"));
     }
     files::note(path);
-    File::open(path).map_err(|e| unreadable(path, e))
+    Ok((File::open(path).map_err(|e| unreadable(path, e))?, meta.len()))
 }
 
-/// The bytes of a file of at most `limit` bytes.
+/// The bytes of a file of at most `limit` bytes. No more is read than its length says: what the system shows as files of no
+/// length can block, or never end.
 fn read(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
-    let mut bytes = Vec::new();
-    let read = open(path)?.take(limit + 1).read_to_end(&mut bytes).map_err(|e| unreadable(path, e))?;
-    if read as u64 > limit {
+    let (file, length) = open(path)?;
+    if length > limit {
         return Err(unreadable(path, format!("it is larger than the limit of {} MiB for such files", limit >> 20)));
     }
+    let mut bytes = Vec::new();
+    file.take(length).read_to_end(&mut bytes).map_err(|e| unreadable(path, e))?;
     Ok(bytes)
 }
 

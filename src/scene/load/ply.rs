@@ -148,6 +148,7 @@ impl Element {
     }
 
     fn skip(&self, source: &mut Source) -> Result<(), Fault> {
+        self.check(source)?;
         for i in 0..self.count {
             for property in &self.properties {
                 Element::skip_one(property, source).map_err(|e| self.fault(i, source, e))?;

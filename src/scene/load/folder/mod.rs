@@ -23,16 +23,17 @@ mod relaxed;
 
 pub(super) use self::reads::READS;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
 use serde_json::Value as Json;
 
+use super::images::Pictures;
 use super::obj::{Front, load_mesh};
 use super::scn::reader::{Object, Report, kind, shorten};
-use super::{Missing, images, read, scn};
+use super::{Missing, read, scn};
 use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MAX_SIDE,
     MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureDesc, TextureSlot, Transform,
@@ -91,13 +92,15 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     let mut report = Report { file: path.to_owned(), missing, notes: Vec::new() };
     let json = relaxed::parse(&String::from_utf8_lossy(&bytes))
         .map_err(|([line, column], problem)| report.error(format!("line {line}, column {column}"), problem))?;
-    let desc = Reader { folder: path.parent().unwrap_or(Path::new("")), report: &mut report }.scene(&json)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let desc = Reader { folder, report: &mut report, pictures: Pictures::default() }.scene(&json)?;
     Ok((desc, report.notes))
 }
 
 struct Reader<'a> {
     folder: &'a Path,
     report: &'a mut Report,
+    pictures: Pictures,
 }
 
 impl Reader<'_> {
@@ -108,23 +111,24 @@ impl Reader<'_> {
             None => self.camera("camera", &Json::Object(Default::default()))?,
         };
         let mut materials: Vec<MaterialDesc> = Vec::new();
+        let mut known = BTreeSet::new();
         for (place, json) in root.list("materials", self.report)? {
             let material = self.material(&place, json)?;
-            if materials.iter().any(|m| m.name == material.name) {
-                let known = shorten(&material.name);
-                self.report.note(place, format!("a material named `{known}` came before: this one is never used"));
-            } else {
+            if known.insert(material.name.clone()) {
                 materials.push(material);
+            } else {
+                let name = shorten(&material.name);
+                self.report.note(place, format!("a material named `{name}` came before: this one is never used"));
             }
         }
-        if !materials.iter().any(|m| m.name == DEFAULT_MATERIAL) {
+        if known.insert(DEFAULT_MATERIAL.to_owned()) {
             materials.push(MaterialDesc { base_color: Vec3::splat(ALBEDO), ..MaterialDesc::new(DEFAULT_MATERIAL) });
         }
         let mut names = Names::default();
         let mut meshes = BTreeMap::new();
         let mut entities = Vec::new();
         for (place, json) in root.list("objects", self.report)? {
-            entities.push(self.object(&place, json, &materials, &mut meshes, &mut names)?);
+            entities.push(self.object(&place, json, &known, &mut meshes, &mut names)?);
         }
         let mut lights = Vec::new();
         for (place, json) in root.list("pointlights", self.report)? {
@@ -250,8 +254,8 @@ impl Reader<'_> {
         let stem = self.plain(place, name)?;
         let paths = PICTURES.map(|extension| self.folder.join("Textures").join(format!("{stem}_{end}.{extension}")));
         let Some(path) = paths.into_iter().find(|path| path.exists()) else { return Ok(None) };
-        match images::load(&path, &mut self.report.notes) {
-            Ok(texture) => Ok(Some(Arc::new(texture))),
+        match self.pictures.load(&path, &mut self.report.notes) {
+            Ok(texture) => Ok(Some(texture)),
             Err(e) if self.report.missing == Missing::Noted => {
                 self.report.note(place, format!("{e}: the scalar value is used"));
                 Ok(None)
@@ -264,7 +268,7 @@ impl Reader<'_> {
         &mut self,
         place: &str,
         json: &Json,
-        materials: &[MaterialDesc],
+        materials: &BTreeSet<String>,
         meshes: &mut BTreeMap<PathBuf, Arc<MeshDesc>>,
         names: &mut Names,
     ) -> Result<EntityDesc, SceneError> {
@@ -284,7 +288,7 @@ impl Reader<'_> {
         };
         let material = match o.string("material", self.report)? {
             None => DEFAULT_MATERIAL,
-            Some((_, said)) if materials.iter().any(|m| m.name == said) => said,
+            Some((_, said)) if materials.contains(said) => said,
             Some((at, said)) => {
                 self.report.note(at, format!("no material is named `{}`: grey is used", shorten(said)));
                 DEFAULT_MATERIAL
@@ -326,8 +330,8 @@ impl Reader<'_> {
         let source = match (o.string("name", self.report)?, o.take("color")) {
             (Some((at, name)), _) => {
                 let path = self.folder.join("HDRI").join(format!("{}.hdr", self.plain(&at, name)?));
-                let map = images::load(&path, &mut self.report.notes).map_err(|e| self.report.named_at(&at, e))?;
-                Some(EnvironmentSource::Map(Arc::new(map)))
+                let map = self.pictures.load(&path, &mut self.report.notes);
+                Some(EnvironmentSource::Map(map.map_err(|e| self.report.named_at(&at, e))?))
             }
             (None, Some((at, json))) => {
                 let color = self.triple(&at, json, ["r", "g", "b"], Vec3::ZERO)?;

@@ -1,11 +1,14 @@
 //! The JSON of a glTF with its buffers: objects by index, and the numbers of accessors.
 
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use serde_json::Value as Json;
 
 use crate::scene::SceneError;
-use crate::scene::load::read;
+use crate::scene::load::{place as one_place, read};
 
 /// Greatest size of the file, and of each buffer beside it, in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;
@@ -17,13 +20,24 @@ const COMPONENTS: &[(u64, usize, f64)] =
 /// How many numbers elements of a type have.
 const TYPES: &[(&str, usize)] = &[("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4)];
 
+/// How many numbers may be made for each byte of the file and its buffers, of which accessors may overlap.
+const MAX_SHARING: u64 = 32;
+/// How many may be made whatever the size of the file.
+const SMALL_SHARING: u64 = 1 << 21;
+
 /// A document with all bytes that its buffers hold.
 pub(super) struct Document {
     /// The file.
     pub path: PathBuf,
     /// Its JSON.
     pub json: Json,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Rc<Vec<u8>>>,
+    /// Bytes of the file and of all buffers, each counted once.
+    size: u64,
+    /// Numbers that were made so far.
+    given: Cell<u64>,
+    /// The numbers of accessors that were asked for.
+    known: RefCell<BTreeMap<usize, Rc<Vec<f64>>>>,
 }
 
 impl Document {
@@ -43,18 +57,41 @@ impl Document {
         let json: Json = serde_json::from_slice(text).map_err(|e| {
             malformed(&format!("line {}, column {}", e.line(), e.column()), format!("no valid JSON: {e}"))
         })?;
-        let mut document = Document { path: path.to_owned(), json, buffers: Vec::new() };
+        let size = bytes.len() as u64;
+        let mut document = Document {
+            path: path.to_owned(),
+            json,
+            buffers: Vec::new(),
+            size,
+            given: Cell::new(0),
+            known: RefCell::default(),
+        };
+        let mut files: BTreeMap<PathBuf, Rc<Vec<u8>>> = BTreeMap::new();
         for i in 0..document.count("buffers") {
-            let bytes = match document.uri(&format!("buffers[{i}]"), document.at("buffers", i))? {
-                Some(bytes) => bytes,
-                None if i == 0 && binary.is_some() => binary.unwrap_or_default().to_vec(),
-                None => {
-                    return Err(document.error(&format!("buffers[{i}]"), "it has neither a `uri` nor a binary chunk"));
+            let (place, said) = (format!("buffers[{i}]"), document.at("buffers", i));
+            // One file can be several buffers.
+            let file = said["uri"].as_str().filter(|uri| !uri.starts_with("data:"));
+            let file = file.map(|uri| one_place(&document.beside(uri)));
+            let known = file.as_ref().and_then(|file| files.get(file)).cloned();
+            let bytes = match (known, binary) {
+                (Some(bytes), _) => bytes,
+                (None, _) if said["uri"].is_string() => {
+                    let bytes = Rc::new(document.uri(&place, said)?.unwrap_or_default());
+                    document.size += bytes.len() as u64;
+                    bytes
                 }
+                (None, Some(chunk)) if i == 0 => Rc::new(chunk.to_vec()),
+                _ => return Err(document.error(&place, "it has neither a `uri` nor a binary chunk")),
             };
+            files.extend(file.map(|file| (file, bytes.clone())));
             document.buffers.push(bytes);
         }
         Ok(document)
+    }
+
+    /// Bytes of the file and of its buffers.
+    pub fn size(&self) -> u64 {
+        self.size
     }
 
     /// An error at a key path.
@@ -113,9 +150,21 @@ impl Document {
         }
     }
 
+    /// Says that so many numbers are made of what the file holds.
+    ///
+    /// # Errors
+    /// Where all of them together are more than its size justifies.
+    pub fn spend(&self, place: &str, numbers: u64) -> Result<(), SceneError> {
+        self.given.set(self.given.get().saturating_add(numbers));
+        if self.given.get() <= self.size.saturating_mul(MAX_SHARING).saturating_add(SMALL_SHARING) {
+            return Ok(());
+        }
+        Err(self.error(place, "with all before it more numbers than the size of the file justifies"))
+    }
+
     /// The elements of an accessor, each of `n` numbers; integers as they are unless they are normalised. Interleaved,
-    /// quantised and sparse ones are read.
-    pub fn numbers(&self, place: &str, index: &Json, n: usize) -> Result<Vec<f64>, SceneError> {
+    /// quantised and sparse ones are read. One that several primitives share is read once.
+    pub fn numbers(&self, place: &str, index: &Json, n: usize) -> Result<Rc<Vec<f64>>, SceneError> {
         let (i, accessor) = self.named(place, "accessors", index)?;
         let place = format!("accessors[{i}]");
         let width = TYPES.iter().find(|t| Some(t.0) == accessor["type"].as_str()).map(|t| t.1);
@@ -124,15 +173,18 @@ impl Document {
                 self.error(&place, format!("expected elements of {n} numbers, found `{:.20}`", accessor["type"]))
             );
         }
+        if let Some(known) = self.known.borrow().get(&i) {
+            return Ok(known.clone());
+        }
         let count = accessor["count"].as_u64().unwrap_or(0) as usize;
         let normalized = accessor["normalized"].as_bool().unwrap_or(false);
         let sparse = &accessor["sparse"];
         let mut out = if accessor["bufferView"].is_null() {
             // Only a sparse accessor says something without bytes; its own elements bound its size.
-            let most = self.buffers.iter().map(Vec::len).sum::<usize>();
-            if count > most {
+            if count as u64 > self.size {
                 return Err(self.error(&place, format!("{count} elements, more than there are bytes")));
             }
+            self.spend(&place, (count * n) as u64)?;
             vec![0.0; count * n]
         } else {
             self.packed(&place, accessor, &accessor["bufferView"], count, n, normalized)?
@@ -151,10 +203,12 @@ impl Document {
                 out[at * n..(at + 1) * n].copy_from_slice(&values[k * n..(k + 1) * n]);
             }
         }
-        match out.iter().all(|x| x.is_finite()) {
-            true => Ok(out),
-            false => Err(self.error(&place, "its numbers must be finite")),
+        if !out.iter().all(|x| x.is_finite()) {
+            return Err(self.error(&place, "its numbers must be finite"));
         }
+        let out = Rc::new(out);
+        self.known.borrow_mut().insert(i, out.clone());
+        Ok(out)
     }
 
     fn packed(
@@ -179,6 +233,7 @@ impl Document {
         if count > 0 && end.is_none_or(|end| end > bytes.len()) {
             return Err(self.error(place, format!("{count} elements do not fit its {} bytes", bytes.len())));
         }
+        self.spend(place, (count * n) as u64)?;
         let mut out = Vec::with_capacity(count * n);
         for k in 0..count {
             for c in 0..n {

@@ -9,7 +9,8 @@ use serde_json::Value as Json;
 use super::document::Document;
 use crate::scene::desc::material::MIN_IOR;
 use crate::scene::desc::{MaskMode, MaterialDesc, Texels, TextureDesc, TextureSlot, texture_hash};
-use crate::scene::load::{Missing, images};
+use crate::scene::load::Missing;
+use crate::scene::load::images::Pictures;
 use crate::scene::{Note, SceneError};
 
 /// Extensions that are read, in part or wholly.
@@ -38,13 +39,14 @@ pub(super) struct Materials<'a> {
     document: &'a Document,
     missing: Missing,
     images: BTreeMap<usize, Option<Arc<TextureDesc>>>,
+    pictures: Pictures,
     notes: &'a mut Vec<Note>,
 }
 
 impl<'a> Materials<'a> {
     /// None read yet.
     pub fn new(document: &'a Document, missing: Missing, notes: &'a mut Vec<Note>) -> Materials<'a> {
-        Materials { document, missing, images: BTreeMap::new(), notes }
+        Materials { document, missing, images: BTreeMap::new(), pictures: Pictures::default(), notes }
     }
 
     /// The material of an index, under a name that is its own.
@@ -125,7 +127,7 @@ impl<'a> Materials<'a> {
                 read.desc.mask_mode = if mode == "BLEND" { MaskMode::Blend } else { MaskMode::Threshold };
                 read.desc.mask_threshold = m["alphaCutoff"].as_f64().unwrap_or(0.5).clamp(0.0, 1.0) as f32;
                 let mask = match &base {
-                    Some(image) => channel(image, 3, alpha),
+                    Some(image) => self.channel(place, image, 3, alpha)?,
                     None => constant(alpha),
                 };
                 read.desc.set_texture(TextureSlot::Mask, Some(mask));
@@ -138,8 +140,8 @@ impl<'a> Materials<'a> {
             self.texture(place, "metallicRoughnessTexture", &pbr["metallicRoughnessTexture"], read, &mut placed)?;
         if let Some(image) = rough {
             let (roughness, metallic) = (read.desc.roughness, read.desc.metallic);
-            read.desc.set_texture(TextureSlot::Roughness, Some(channel(&image, 1, roughness)));
-            read.desc.set_texture(TextureSlot::Metallic, Some(channel(&image, 2, metallic)));
+            read.desc.set_texture(TextureSlot::Roughness, Some(self.channel(place, &image, 1, roughness)?));
+            read.desc.set_texture(TextureSlot::Metallic, Some(self.channel(place, &image, 2, metallic)?));
         }
         let normal = self.texture(place, "normalTexture", &m["normalTexture"], read, &mut placed)?;
         if let Some(image) = normal {
@@ -157,7 +159,8 @@ impl<'a> Materials<'a> {
         if let Some(image) = self.texture(place, "transmissionTexture", passes, read, &mut placed)? {
             // What passes is what is not opaque.
             let through = 1.0 - read.desc.opacity;
-            read.desc.set_texture(TextureSlot::Opacity, Some(mapped(&image, |[r, ..]| 1.0 - r * through)));
+            let opaque = self.mapped(place, &image, &format!("1 - r * {through}"), |[r, ..]| 1.0 - r * through)?;
+            read.desc.set_texture(TextureSlot::Opacity, Some(opaque));
         }
         Ok(())
     }
@@ -213,26 +216,52 @@ impl<'a> Materials<'a> {
         self.image(&format!("textures[{i}]"), &texture["source"])
     }
 
+    /// A grey picture by a function of every texel, whose channels are as stored from 0 to 1.
+    fn mapped(
+        &mut self,
+        place: &str,
+        image: &TextureDesc,
+        how: &str,
+        f: impl Fn([f32; 4]) -> f32,
+    ) -> Result<Arc<TextureDesc>, SceneError> {
+        let grey = |texel| {
+            let x = f(texel);
+            [x, x, x, 1.0]
+        };
+        self.pictures.made(image, how, grey).map_err(|problem| self.document.error(place, problem))
+    }
+
+    /// One channel times a factor.
+    fn channel(
+        &mut self,
+        place: &str,
+        image: &TextureDesc,
+        which: usize,
+        factor: f32,
+    ) -> Result<Arc<TextureDesc>, SceneError> {
+        self.mapped(place, image, &format!("{which} * {factor}"), |texel| texel[which] * factor)
+    }
+
     fn image(&mut self, place: &str, source: &Json) -> Result<Option<Arc<TextureDesc>>, SceneError> {
         let (i, image) = self.document.named(place, "images", source)?;
         if let Some(known) = self.images.get(&i) {
             return Ok(known.clone());
         }
         let place = format!("images[{i}]");
-        let bytes = match self.document.uri(&place, image) {
-            Ok(Some(bytes)) => Ok(bytes),
-            Ok(None) => self.document.view(&place, &image["bufferView"]).map(|(bytes, _)| bytes.to_vec()),
-            Err(e) => Err(e),
+        let document = self.document;
+        let decoded = match image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) {
+            Some(uri) => self.pictures.load(&document.beside(uri), self.notes),
+            None => {
+                let bytes = match document.uri(&place, image) {
+                    Ok(Some(bytes)) => Ok(bytes),
+                    Ok(None) => document.view(&place, &image["bufferView"]).map(|(bytes, _)| bytes.to_vec()),
+                    Err(e) => Err(e),
+                };
+                bytes.and_then(|bytes| self.pictures.part(&document.path, bytes, document.size(), self.notes))
+            }
         };
-        let name = match image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) {
-            Some(uri) => self.document.beside(uri),
-            None => self.document.path.clone(),
-        };
-        let decoded = bytes.and_then(|bytes| {
-            images::decode(&name, bytes, self.notes).map_err(|e| self.document.error(&place, e.to_string()))
-        });
-        let image = match decoded {
-            Ok(image) => Some(Arc::new(image)),
+        let image = match decoded.map_err(|e| document.error(&place, e.to_string())) {
+            Ok(image) => Some(image),
             Err(e) if self.missing == Missing::Noted => {
                 self.note(&place, format!("{e}: left out"));
                 None
@@ -249,33 +278,9 @@ fn color(v: &Json, default: Vec3) -> Vec3 {
     Vec3::new(at(0), at(1), at(2))
 }
 
-fn grey(file: &TextureDesc, values: Vec<f32>) -> Arc<TextureDesc> {
-    let texels = Texels::RgbaF32(values.into_iter().map(|x| [x, x, x, 1.0]).collect());
-    let content_hash = texture_hash(file.width, file.height, &texels);
-    Arc::new(TextureDesc { file: file.file.clone(), width: file.width, height: file.height, texels, content_hash })
-}
-
-/// A function of every texel, whose channels are as stored from 0 to 1.
-fn mapped(image: &TextureDesc, f: impl Fn([f32; 4]) -> f32) -> Arc<TextureDesc> {
-    let values = match &image.texels {
-        Texels::Rgba8(t) => t.iter().map(|p| f(p.map(|c| f32::from(c) / 255.0))).collect(),
-        Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
-    };
-    grey(image, values)
-}
-
-/// One channel times a factor.
-fn channel(image: &TextureDesc, which: usize, factor: f32) -> Arc<TextureDesc> {
-    mapped(image, |texel| texel[which] * factor)
-}
-
+/// A picture of one grey texel.
 fn constant(value: f32) -> Arc<TextureDesc> {
-    let one = TextureDesc {
-        file: Default::default(),
-        width: 1,
-        height: 1,
-        texels: Texels::Rgba8(Vec::new()),
-        content_hash: [0; 32],
-    };
-    grey(&one, vec![value])
+    let texels = Texels::RgbaF32(vec![[value, value, value, 1.0]]);
+    let content_hash = texture_hash(1, 1, &texels);
+    Arc::new(TextureDesc { file: Default::default(), width: 1, height: 1, texels, content_hash })
 }

@@ -14,6 +14,7 @@ pub(super) use self::reads::READS;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec2, Vec3, Vec3A};
@@ -31,8 +32,8 @@ use crate::scene::{Note, SceneError};
 
 /// How deep nodes may lie in one another.
 const MAX_DEPTH: usize = 256;
-/// How many entities nodes may make, of which one mesh can be reached on many ways.
-const MAX_ENTITIES: usize = 1 << 20;
+/// How many corners of meshes the camera of a scene without one looks at, before it takes the boxes around them.
+const MAX_FRAMED: usize = 1 << 24;
 
 /// Whether the first bytes of a file are those of a .glb, or of a JSON that names its `asset`.
 pub(super) fn sniff(head: &[u8]) -> bool {
@@ -47,6 +48,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     }
     let mut notes = Vec::new();
     let mut builder = Builder {
+        boxes: BTreeMap::new(),
         document: &document,
         materials: Vec::new(),
         rows: BTreeMap::new(),
@@ -55,6 +57,8 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
         lights: Vec::new(),
         camera: None,
         bounds: None,
+        framed: 0,
+        reached: BTreeSet::new(),
         names: Names::default(),
         notes: Vec::new(),
     };
@@ -93,6 +97,12 @@ struct Builder<'a> {
     lights: Vec<LightDesc>,
     camera: Option<CameraDesc>,
     bounds: Option<[Vec3; 2]>,
+    /// Bounds of meshes in their own space, by address.
+    boxes: BTreeMap<*const MeshDesc, [Vec3; 2]>,
+    /// Corners that the bounds have seen.
+    framed: usize,
+    /// Nodes that were read: each has one parent, or none.
+    reached: BTreeSet<usize>,
     names: Names,
     notes: Vec<Note>,
 }
@@ -145,8 +155,9 @@ impl Builder<'_> {
         let document = self.document;
         let (i, node) = document.named("nodes", "nodes", index)?;
         let place = format!("nodes[{i}]");
-        if depth > MAX_DEPTH || self.entities.len() > MAX_ENTITIES {
-            return Err(document.error(&place, "nodes lie in a circle, too deep, or are reached too often"));
+        if depth > MAX_DEPTH || !self.reached.insert(i) {
+            let problem = format!("nodes lie in a circle, more than {MAX_DEPTH} deep, or have two parents");
+            return Err(document.error(&place, problem));
         }
         let world = around * transform(node);
         if !world.is_finite() {
@@ -176,10 +187,7 @@ impl Builder<'_> {
             }
         };
         let Some(shape) = shape else { return Ok(()) };
-        for p in &shape.positions {
-            let p = world.transform_point3(p.as_dvec3()).as_vec3();
-            self.bounds = Some(bare::joined(self.bounds, p, p));
-        }
+        self.frame(&shape, world);
         let given = if node["name"].is_string() { &node["name"] } else { &mesh["name"] };
         let name = self.name(given, "mesh");
         let frame = glam::Affine3A {
@@ -194,6 +202,25 @@ impl Builder<'_> {
             shape: ShapeDesc::Mesh(shape),
         });
         Ok(())
+    }
+
+    /// Widens the bounds by a mesh in its place.
+    fn frame(&mut self, mesh: &MeshDesc, world: DAffine3) {
+        self.framed += mesh.positions.len();
+        let mut widen = |p: Vec3| {
+            let p = world.transform_point3(p.as_dvec3()).as_vec3();
+            self.bounds = Some(bare::joined(self.bounds, p, p));
+        };
+        if self.framed <= MAX_FRAMED {
+            return mesh.positions.iter().copied().for_each(widen);
+        }
+        // Copies without end of one mesh.
+        let Some(first) = mesh.positions.first() else { return };
+        let [low, high] = *self
+            .boxes
+            .entry(std::ptr::from_ref(mesh))
+            .or_insert_with(|| mesh.positions.iter().fold([*first; 2], |[low, high], p| [low.min(*p), high.max(*p)]));
+        (0..8).for_each(|i| widen(Vec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), low, high)));
     }
 
     /// All primitives of a mesh as one; `None` where none is made of triangles.
@@ -241,28 +268,52 @@ impl Builder<'_> {
         };
         let at = |key: &str| format!("{place}.attributes.{key}");
         let vectors = |key: &str, n: usize| match &attributes[key] {
-            Json::Null => Ok(Vec::new()),
+            Json::Null => Ok(Rc::default()),
             index => document.numbers(&at(key), index, n),
         };
-        let positions: Vec<Vec3> = vectors("POSITION", 3)?.chunks_exact(3).map(vec3).collect();
-        let normals: Vec<Vec3> = vectors("NORMAL", 3)?.chunks_exact(3).map(vec3).collect();
-        let uvs: Vec<Vec2> = vectors(&format!("TEXCOORD_{set}"), 2)?
-            .chunks_exact(2)
-            .map(|c| uv.transform_point2(Vec2::new(c[0] as f32, c[1] as f32)))
-            .map(|p| Vec2::new(p.x, 1.0 - p.y))
-            .collect();
+        let positions = vectors("POSITION", 3)?;
+        let normals = vectors("NORMAL", 3)?;
+        let uvs = vectors(&format!("TEXCOORD_{set}"), 2)?;
         let colors = self.colors(place, &attributes["COLOR_0"])?;
-        let count = positions.len();
-        if [normals.len(), uvs.len(), colors.len()].into_iter().any(|n| n != 0 && n != count) {
+        let count = positions.len() / 3;
+        if [normals.len() / 3, uvs.len() / 2, colors.len()].into_iter().any(|n| n != 0 && n != count) {
             return Err(document.error(place, "its attributes have different numbers of elements"));
         }
-        let indices: Vec<u32> = match &primitive["indices"] {
-            Json::Null => (0..count as u32).collect(),
-            index => document.numbers(&format!("{place}.indices"), index, 1)?.into_iter().map(|x| x as u32).collect(),
+        let indices = match &primitive["indices"] {
+            Json::Null => None,
+            index => Some(document.numbers(&format!("{place}.indices"), index, 1)?),
+        };
+        // Primitives often share vertices of which each has a few.
+        let corners = indices.as_ref().map_or(count, |indices| indices.len());
+        document.spend(place, 8 * corners.min(count) as u64 + corners as u64)?;
+        let mut indices: Vec<u32> = match indices {
+            None => (0..count as u32).collect(),
+            Some(indices) => indices.iter().map(|x| *x as u32).collect(),
         };
         if let Some(i) = indices.iter().find(|i| **i as usize >= count) {
             return Err(document.error(place, format!("a corner is vertex {i} of {count}")));
         }
+        let used: Vec<u32> = if indices.len() < count {
+            let mut used = indices.clone();
+            used.sort_unstable();
+            used.dedup();
+            indices.iter_mut().for_each(|i| *i = used.partition_point(|u| *u < *i) as u32);
+            used
+        } else {
+            (0..count as u32).collect()
+        };
+        let triples = |numbers: &[f64]| -> Vec<Vec3> {
+            let at = |i: &u32| numbers.get(3 * *i as usize..).and_then(|rest| rest.get(..3)).map(vec3);
+            used.iter().filter_map(at).collect()
+        };
+        let (positions, normals) = (triples(&positions), triples(&normals));
+        let colors: Vec<Vec3> = used.iter().filter_map(|i| colors.get(*i as usize)).copied().collect();
+        let uvs: Vec<Vec2> = used
+            .iter()
+            .filter_map(|i| uvs.get(2 * *i as usize..).and_then(|rest| rest.get(..2)))
+            .map(|c| uv.transform_point2(Vec2::new(c[0] as f32, c[1] as f32)))
+            .map(|p| Vec2::new(p.x, 1.0 - p.y))
+            .collect();
         let triangles: Vec<[u32; 3]> = match mode {
             4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             5 => strip(&indices),
@@ -309,7 +360,7 @@ impl Builder<'_> {
     }
 
     fn light(&mut self, place: &str, index: &Json, world: DAffine3) -> Result<(), SceneError> {
-        let lights = list(&self.document.json["extensions"]["KHR_lights_punctual"]["lights"]);
+        let lights = &self.document.json["extensions"]["KHR_lights_punctual"]["lights"];
         let Some(light) = index.as_u64().and_then(|i| lights.get(i as usize)).cloned() else {
             return Err(self.document.error(place, format!("there is no light {index:.20}")));
         };

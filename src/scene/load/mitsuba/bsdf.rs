@@ -81,7 +81,8 @@ impl Reader<'_> {
                 }
                 if let Some(read) = map.map(|t| self.textures.read(&t, self.notes)).transpose()?.flatten() {
                     self.m.bump_height = height as f32;
-                    self.slot(o, TextureSlot::Bump, read.heights());
+                    let read = self.textures.heights(o, read)?;
+                    self.slot(o, TextureSlot::Bump, read);
                 }
                 Ok(())
             }
@@ -216,7 +217,9 @@ impl Reader<'_> {
         if let Some(Item::Object(t)) = o.item("alpha") {
             if let Some(read) = self.textures.read(t, self.notes)? {
                 // A texture says alpha; roughness is its square root.
-                self.slot(o, TextureSlot::Roughness, read.linear().mapped(|x| x.clamp(0.0, 1.0).sqrt()));
+                let read = self.textures.linear(t, read)?;
+                let read = self.textures.mapped(t, read, "root", |x| x.clamp(0.0, 1.0).sqrt())?;
+                self.slot(o, TextureSlot::Roughness, read);
             }
             return Ok(());
         }
@@ -299,7 +302,9 @@ impl Reader<'_> {
         match o.item("spec_trans") {
             Some(Item::Object(t)) => {
                 if let Some(read) = self.textures.read(t, self.notes)? {
-                    self.slot(o, TextureSlot::Opacity, read.linear().mapped(|x| 1.0 - x));
+                    let read = self.textures.linear(t, read)?;
+                    let read = self.textures.mapped(t, read, "inverse", |x| 1.0 - x)?;
+                    self.slot(o, TextureSlot::Opacity, read);
                 }
             }
             _ => self.m.opacity = 1.0 - self.part(o, "spec_trans", 0.0, None)?,
@@ -325,7 +330,10 @@ impl Reader<'_> {
     fn part(&mut self, o: &Object, key: &str, default: f64, slot: Option<TextureSlot>) -> Result<f32, SceneError> {
         if let Some(Item::Object(t)) = o.item(key) {
             match (slot, self.textures.read(t, self.notes)?) {
-                (Some(slot), Some(read)) => self.slot(o, slot, read.linear()),
+                (Some(slot), Some(read)) => {
+                    let read = self.textures.linear(t, read)?;
+                    self.slot(o, slot, read);
+                }
                 _ => self.notes.push(t.note(format!("`{key}` has no texture here: {default} is used"))),
             }
             return Ok(default as f32);
@@ -342,7 +350,8 @@ impl Reader<'_> {
         self.m.mask_mode = MaskMode::Blend;
         if let Some(Item::Object(t)) = o.item("opacity") {
             if let Some(read) = self.textures.read(t, self.notes)? {
-                self.slot(o, TextureSlot::Mask, read.linear());
+                let read = self.textures.linear(t, read)?;
+                self.slot(o, TextureSlot::Mask, read);
             }
             return Ok(());
         }

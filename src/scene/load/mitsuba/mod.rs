@@ -41,6 +41,9 @@ use crate::scene::{Note, SceneError};
 /// The resolution of a film that says none.
 const DEFAULT_FILM: [u32; 2] = [768, 576];
 
+/// How many entities instances may make whatever the size of the file; one more for each byte of it.
+const SMALL_ENTITIES: usize = 4096;
+
 /// Whether the first bytes of a file look like a scene in XML.
 pub(super) fn sniff(head: &[u8]) -> bool {
     let head = String::from_utf8_lossy(head);
@@ -50,7 +53,7 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 /// Reads a scene and everything that it names.
 pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
-    let root = tree::scene(path, &mut notes)?;
+    let (root, bytes) = tree::scene(path, &mut notes)?;
     if root.class != "scene" {
         return Err(root.error(format!("expected <scene>, found <{}>", values::shorten(&root.class))));
     }
@@ -64,6 +67,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
         environment: None,
         names: Names::default(),
         notes,
+        most: bytes.saturating_add(SMALL_ENTITIES),
     };
     builder.scene(&root)
 }
@@ -89,6 +93,8 @@ struct Builder {
     environment: Option<EnvironmentDesc>,
     names: Names,
     notes: Vec<Note>,
+    /// Entities that there may be.
+    most: usize,
 }
 
 impl Builder {
@@ -186,6 +192,9 @@ impl Builder {
             o.known(&o.items.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
             return Ok(());
         };
+        if self.entities.len() >= self.most {
+            return Err(o.error(format!("instances make more than {} entities, too many for the file", self.most)));
+        }
         let name = self.names.give(stem.as_deref().unwrap_or(&kind));
         let emitters: Vec<Rc<Object>> = o.children("emitter").cloned().collect();
         if surface.is_none() {

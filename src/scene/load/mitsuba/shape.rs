@@ -11,7 +11,7 @@ use super::texture::UvAffine;
 use super::tree::Object;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::scene::load::obj::Front;
-use crate::scene::load::{bare, obj, ply};
+use crate::scene::load::{bare, obj, place, ply};
 use crate::scene::shape::{Shape, icosphere};
 use crate::scene::{Note, SceneError};
 
@@ -19,6 +19,8 @@ use crate::scene::{Note, SceneError};
 const SEGMENTS: u32 = 256;
 /// Splittings of the icosahedron that stands for spheres that are none to Lumbre: 81,920 triangles.
 const SPHERE_SPLITS: u32 = 6;
+/// How many triangles all different shapes that are made here may have.
+const MAX_MADE: usize = 1 << 20;
 
 /// A shape with its place, before anything of the scene is put around it.
 pub(super) struct Placed {
@@ -44,10 +46,17 @@ struct Taken {
     mirrors: bool,
 }
 
-/// Meshes that were read, shared by all shapes that take them alike.
+/// A made shape: its name and the bits of its numbers, whether it is turned inside out, and its map of texture
+/// coordinates.
+type Made = (&'static str, [u32; 7], bool, Option<[u32; 6]>);
+
+/// Meshes that were read or made, shared by all shapes that take them alike.
 #[derive(Default)]
 pub(super) struct Meshes {
     files: BTreeMap<Taken, Arc<MeshDesc>>,
+    made: BTreeMap<Made, Arc<MeshDesc>>,
+    /// Triangles of all that were made.
+    triangles: usize,
 }
 
 impl Meshes {
@@ -60,10 +69,21 @@ impl Meshes {
     ) -> Result<Option<Placed>, SceneError> {
         let transform = o.map("to_world")?;
         let flipped = o.flag("flip_normals", false)?;
-        let made = |shape: Shape| {
-            let mut mesh = shape.into_mesh(PathBuf::new(), "");
-            finish(&mut mesh, flipped, uv);
-            Ok(Some(Placed { shape: ShapeDesc::Mesh(Arc::new(mesh)), transform, stem: o.kind.clone() }))
+        let mut made = |kind: &'static str, numbers: [f32; 7], shape: &dyn Fn() -> Result<Shape, SceneError>| {
+            let key = (kind, numbers.map(f32::to_bits), flipped, uv.map(|map| map.map(f32::to_bits)));
+            let mesh = match self.made.get(&key) {
+                Some(mesh) => mesh.clone(),
+                None => {
+                    let mut mesh = shape()?.into_mesh(PathBuf::new(), "");
+                    self.triangles += mesh.triangles.len();
+                    if self.triangles > MAX_MADE {
+                        return Err(o.error(format!("different shapes of more than {MAX_MADE} triangles in all")));
+                    }
+                    finish(&mut mesh, flipped, uv);
+                    self.made.entry(key).or_insert(Arc::new(mesh)).clone()
+                }
+            };
+            Ok(Some(Placed { shape: ShapeDesc::Mesh(mesh), transform, stem: kind.to_owned() }))
         };
         match o.kind.as_str() {
             "obj" | "ply" => {
@@ -71,16 +91,16 @@ impl Meshes {
                 let stem = mesh.file.file_stem().map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
                 Ok(Some(Placed { shape: ShapeDesc::Mesh(mesh), transform, stem }))
             }
-            "rectangle" => made(rectangle()),
-            "cube" => made(cube()),
-            "disk" => made(disk()),
+            "rectangle" => made("rectangle", [0.0; 7], &|| Ok(rectangle())),
+            "cube" => made("cube", [0.0; 7], &|| Ok(cube())),
+            "disk" => made("disk", [0.0; 7], &|| Ok(disk())),
             "cylinder" => {
                 let (p0, p1) = (o.vector("p0")?.unwrap_or(Vec3::ZERO), o.vector("p1")?.unwrap_or(Vec3::Z));
                 let radius = o.number("radius", 1.0)? as f32;
                 if p0 == p1 || radius <= 0.0 {
                     return Err(o.error("a cylinder needs a length and a positive radius"));
                 }
-                made(cylinder(p0, p1, radius))
+                made("cylinder", [p0.x, p0.y, p0.z, p1.x, p1.y, p1.z, radius], &|| Ok(cylinder(p0, p1, radius)))
             }
             "sphere" => {
                 let radius = o.number("radius", 1.0)? as f32;
@@ -99,10 +119,9 @@ impl Meshes {
                     }));
                 }
                 notes.push(o.note("a sphere that is stretched or turned inside out becomes a mesh of triangles"));
-                let ball = icosphere(radius, SPHERE_SPLITS).map_err(|e| o.error(e.to_string()))?;
-                let mut mesh = ball.into_mesh(PathBuf::new(), "");
-                finish(&mut mesh, flipped, uv);
-                Ok(Some(Placed { shape: ShapeDesc::Mesh(Arc::new(mesh)), transform, stem: "sphere".to_owned() }))
+                let numbers = [radius, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+                let ball = || icosphere(radius, SPHERE_SPLITS).map_err(|e| o.error(e.to_string()));
+                Ok(made("sphere", numbers, &ball)?.map(|ball| Placed { transform, ..ball }))
             }
             other => {
                 let shown = super::values::shorten(other);
@@ -123,10 +142,11 @@ impl Meshes {
         let Some(name) = o.text("filename")? else {
             return Err(o.error(format!("a shape `{}` needs a `filename`", o.kind)));
         };
+        let path = super::beside(o, name);
         let is_obj = o.kind == "obj";
         let mirrors = transform.matrix3.determinant() < 0.0;
         let taken = Taken {
-            file: super::beside(o, name),
+            file: place(&path),
             flat: o.flag("face_normals", false)?,
             flipped,
             up: o.flag("flip_tex_coords", is_obj)?,
@@ -137,8 +157,8 @@ impl Meshes {
             return Ok(mesh.clone());
         }
         let read = match is_obj {
-            true => obj::load_mesh(&taken.file, "", Front::CounterClockwise, notes),
-            false => ply::load_mesh(&taken.file, "", notes),
+            true => obj::load_mesh(&path, "", Front::CounterClockwise, notes),
+            false => ply::load_mesh(&path, "", notes),
         };
         let mut mesh = read.map_err(|e| o.error(e.to_string()))?;
         // Colours of vertices are textures there, `mesh_attribute`, and the shape's surface is the only one.

@@ -1,7 +1,7 @@
 //! Textures: `bitmap` and `checkerboard`.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -10,11 +10,14 @@ use glam::{DAffine3, Vec2, Vec3};
 use super::tree::{Item, Object};
 use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{Texels, TextureDesc, texture_hash};
-use crate::scene::load::{Missing, images};
+use crate::scene::load::Missing;
+use crate::scene::load::images::Pictures;
 use crate::scene::{Note, SceneError};
 
 /// Side of the picture of a checkerboard in texels: edges are blurred over a 128th of a field.
 const BOARD: u32 = 256;
+/// How many of them with different colours a scene may have: each takes a megabyte.
+const MAX_BOARDS: usize = 64;
 
 /// A map of texture coordinates, `[xx, xy, x, yx, yy, y]`, that no factor and offset can say.
 pub(super) type UvAffine = [f32; 6];
@@ -36,32 +39,6 @@ impl Read {
         let scaled = b == 0.0 && c == 0.0 && (a - d).abs() <= 1e-6 * a.abs();
         if scaled { (a, Vec2::new(map[2], map[5]), None) } else { (1.0, Vec2::ZERO, Some(map)) }
     }
-
-    /// The same texels for a role in which they are numbers: Mitsuba decodes them from sRGB unless they are `raw`, and
-    /// here such roles take them as stored.
-    pub fn linear(self) -> Read {
-        match self.image.texels {
-            Texels::Rgba8(_) => self.mapped(srgb_to_linear),
-            Texels::RgbaF32(_) => self,
-        }
-    }
-
-    /// As heights: the luminance of linear texels.
-    pub fn heights(self) -> Read {
-        let linear = self.linear();
-        Read { image: images::heights(&linear.image), ..linear }
-    }
-
-    /// With a function of every channel.
-    pub fn mapped(self, f: impl Fn(f32) -> f32) -> Read {
-        let image = &self.image;
-        let texels: Vec<[f32; 4]> = match &image.texels {
-            Texels::Rgba8(t) => t.iter().map(|p| p.map(|c| f(f32::from(c) / 255.0))).collect(),
-            Texels::RgbaF32(t) => t.iter().map(|p| p.map(&f)).collect(),
-        };
-        let image = made(&image.file, image.width, image.height, Texels::RgbaF32(texels));
-        Read { image, ..self }
-    }
 }
 
 fn made(file: &Path, width: u32, height: u32, texels: Texels) -> Arc<TextureDesc> {
@@ -74,16 +51,40 @@ pub(super) fn constant(grey: f32) -> Arc<TextureDesc> {
     made(Path::new(""), 1, 1, Texels::RgbaF32(vec![[grey, grey, grey, 1.0]]))
 }
 
-/// The images that were read.
+/// The images that were read or made.
 pub(super) struct Textures {
-    images: BTreeMap<(PathBuf, bool), Arc<TextureDesc>>,
+    pictures: Pictures,
+    /// Checkerboards by the bits of their colours.
+    boards: BTreeMap<[u32; 6], Arc<TextureDesc>>,
     missing: Missing,
 }
 
 impl Textures {
     /// None yet.
     pub fn new(missing: Missing) -> Textures {
-        Textures { images: BTreeMap::new(), missing }
+        Textures { pictures: Pictures::default(), boards: BTreeMap::new(), missing }
+    }
+
+    /// The same texels for a role in which they are numbers: Mitsuba decodes them from sRGB unless they are `raw`, and
+    /// here such roles take them as stored.
+    pub fn linear(&mut self, o: &Object, read: Read) -> Result<Read, SceneError> {
+        match read.image.texels {
+            Texels::Rgba8(_) => self.mapped(o, read, "linear", srgb_to_linear),
+            Texels::RgbaF32(_) => Ok(read),
+        }
+    }
+
+    /// As heights: the luminance of linear texels.
+    pub fn heights(&mut self, o: &Object, read: Read) -> Result<Read, SceneError> {
+        let linear = self.linear(o, read)?;
+        let image = self.pictures.heights(&linear.image).map_err(|problem| o.error(problem))?;
+        Ok(Read { image, ..linear })
+    }
+
+    /// With a function of every channel, which `how` names.
+    pub fn mapped(&mut self, o: &Object, read: Read, how: &str, f: fn(f32) -> f32) -> Result<Read, SceneError> {
+        let image = self.pictures.made(&read.image, how, |texel| texel.map(f)).map_err(|problem| o.error(problem))?;
+        Ok(Read { image, ..read })
     }
 
     /// Reads a texture; `None` where it is not known, or cannot be read and that is allowed, with a note.
@@ -115,7 +116,13 @@ impl Textures {
                         *color = said;
                     }
                 }
-                Ok(Some(Read { image: board(colors), to_uv }))
+                let key = [colors[0].to_array().map(f32::to_bits), colors[1].to_array().map(f32::to_bits)];
+                let key = std::array::from_fn(|i| key[i / 3][i % 3]);
+                if !self.boards.contains_key(&key) && self.boards.len() >= MAX_BOARDS {
+                    return Err(o.error(format!("checkerboards of more than {MAX_BOARDS} pairs of colours")));
+                }
+                let image = self.boards.entry(key).or_insert_with(|| board(colors)).clone();
+                Ok(Some(Read { image, to_uv }))
             }
             other => {
                 let shown = super::values::shorten(other);
@@ -135,19 +142,17 @@ impl Textures {
         notes: &mut Vec<Note>,
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
         let path = super::beside(o, file);
-        if let Some(image) = self.images.get(&(path.clone(), raw)) {
-            return Ok(Some(image.clone()));
-        }
-        let image = match images::load(&path, notes) {
-            Ok(image) => Arc::new(image),
+        let image = match self.pictures.load(&path, notes) {
+            Ok(image) => image,
             Err(e) if self.missing == Missing::Noted => {
                 notes.push(o.note(format!("{e}: left out")));
                 return Ok(None);
             }
             Err(e) => return Err(o.error(e.to_string())),
         };
-        let image = if raw { Read { image, to_uv: DAffine3::IDENTITY }.mapped(|x| x).image } else { image };
-        self.images.insert((path, raw), image.clone());
+        if raw {
+            return self.pictures.made(&image, "raw", |texel| texel).map(Some).map_err(|problem| o.error(problem));
+        }
         Ok(Some(image))
     }
 }

@@ -10,13 +10,19 @@ use glam::{DAffine3, Vec3};
 use roxmltree::Node;
 
 use super::values;
-use crate::scene::load::read;
+use crate::scene::load::{place, read};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a scene file in bytes.
 const MAX_XML_BYTES: u64 = 64 << 20;
 /// How deep objects may lie in one another, and includes in includes.
 const MAX_DEPTH: usize = 32;
+/// By how many bytes the variables in an attribute may lengthen it.
+const MAX_GROWTH: usize = 4096;
+/// How often all files that are included may be read on average, beside [`SMALL_READ`] bytes.
+const MAX_READ: usize = 16;
+/// What may be read whatever the size of the files, in bytes.
+const SMALL_READ: usize = 1 << 20;
 
 /// The elements that are objects with a plugin of their own.
 const CLASSES: &[&str] = &[
@@ -201,17 +207,32 @@ impl Object {
     }
 }
 
-/// Reads a file and everything that it includes.
-pub(super) fn scene(path: &Path, notes: &mut Vec<Note>) -> Result<Rc<Object>, SceneError> {
-    let mut reader = Reader { ids: BTreeMap::new(), defaults: BTreeMap::new(), files: Vec::new(), notes };
-    reader.file(path)
+/// Reads a file and everything that it includes; with the bytes of these files.
+pub(super) fn scene(path: &Path, notes: &mut Vec<Note>) -> Result<(Rc<Object>, usize), SceneError> {
+    let mut reader = Reader {
+        ids: BTreeMap::new(),
+        defaults: BTreeMap::new(),
+        longest: 0,
+        files: Vec::new(),
+        sizes: BTreeMap::new(),
+        read: 0,
+        notes,
+    };
+    let root = reader.file(path)?;
+    Ok((root, reader.sizes.values().sum()))
 }
 
 struct Reader<'n> {
     ids: BTreeMap<String, Rc<Object>>,
     defaults: BTreeMap<String, String>,
+    /// Length of the longest name of a default.
+    longest: usize,
     /// Files that are being read, by which a cycle of includes is known.
     files: Vec<PathBuf>,
+    /// Bytes of every file that was read.
+    sizes: BTreeMap<PathBuf, usize>,
+    /// Bytes that were read in all.
+    read: usize,
     notes: &'n mut Vec<Note>,
 }
 
@@ -219,11 +240,21 @@ struct Reader<'n> {
 struct Here<'a, 'i> {
     node: Node<'a, 'i>,
     file: Rc<Path>,
+    /// Where the lines of the file end, in bytes.
+    ends: &'a [usize],
 }
 
 impl Here<'_, '_> {
     fn line(&self) -> u32 {
-        self.node.document().text_pos_at(self.node.range().start).row
+        self.ends.partition_point(|end| *end < self.node.range().start) as u32 + 1
+    }
+
+    /// The same for an element of the same file.
+    fn of<'b>(&self, node: Node<'b, 'b>) -> Here<'b, 'b>
+    where
+        Self: 'b,
+    {
+        Here { node, file: self.file.clone(), ends: self.ends }
     }
 
     fn error(&self, problem: impl Into<String>) -> SceneError {
@@ -236,13 +267,20 @@ impl Reader<'_> {
     fn file(&mut self, path: &Path) -> Result<Rc<Object>, SceneError> {
         let malformed =
             |place: String, problem: String| SceneError::Malformed { file: path.to_owned(), place, problem };
-        if self.files.len() >= MAX_DEPTH || self.files.iter().any(|f| f == path) {
+        let place = place(path);
+        if self.files.len() >= MAX_DEPTH || self.files.contains(&place) {
             return Err(malformed(
                 "include".to_owned(),
                 "files include one another in a circle, or too deep".to_owned(),
             ));
         }
         let bytes = read(path, MAX_XML_BYTES)?;
+        self.sizes.insert(place.clone(), bytes.len());
+        self.read += bytes.len();
+        if self.read > SMALL_READ + MAX_READ * self.sizes.values().sum::<usize>() {
+            let problem = "files include one another too often: what they say grows far beyond their size";
+            return Err(malformed("include".to_owned(), problem.to_owned()));
+        }
         let text = std::str::from_utf8(&bytes)
             .map_err(|e| malformed(format!("byte {}", e.valid_up_to()), "it is no UTF-8 text".to_owned()))?;
         if nesting(text) > MAX_DEPTH * 4 {
@@ -254,8 +292,9 @@ impl Reader<'_> {
         let document = roxmltree::Document::parse_with_options(text, options).map_err(|e| {
             malformed(format!("line {}, column {}", e.pos().row, e.pos().col), format!("no valid XML: {e}"))
         })?;
-        self.files.push(path.to_owned());
-        let here = Here { node: document.root_element(), file: Rc::from(path) };
+        self.files.push(place);
+        let ends: Vec<usize> = text.bytes().enumerate().filter(|(_, b)| *b == b'\n').map(|(i, _)| i).collect();
+        let here = Here { node: document.root_element(), file: Rc::from(path), ends: &ends };
         let root = self.object(&here, 0);
         self.files.pop();
         root
@@ -277,12 +316,13 @@ impl Reader<'_> {
             used: RefCell::default(),
         };
         for child in node.children().filter(Node::is_element) {
-            let child = Here { node: child, file: here.file.clone() };
+            let child = here.of(child);
             let tag = child.node.tag_name().name();
             let name = values::snake_case(&self.attribute(&child, "name")?.unwrap_or_default());
             match tag {
                 "default" => {
                     let (name, value) = (self.required(&child, "name")?, self.required(&child, "value")?);
+                    self.longest = self.longest.max(name.len());
                     self.defaults.entry(name).or_insert(value);
                 }
                 "include" => {
@@ -352,7 +392,7 @@ impl Reader<'_> {
             "transform" => {
                 let mut map = DAffine3::IDENTITY;
                 for child in here.node.children().filter(Node::is_element) {
-                    map = self.step(&Here { node: child, file: here.file.clone() })? * map;
+                    map = self.step(&here.of(child))? * map;
                 }
                 if !map.is_finite() {
                     return Err(fail("its numbers must be finite".to_owned()));
@@ -415,11 +455,14 @@ impl Reader<'_> {
         while let Some(at) = rest.find('$') {
             out.push_str(&rest[..at]);
             rest = &rest[at + 1..];
-            let fits = self.defaults.iter().filter(|(name, _)| rest.starts_with(name.as_str()));
-            let Some((name, value)) = fits.max_by_key(|(name, _)| name.len()) else {
+            let mut fits = (0..=rest.len().min(self.longest)).rev().filter_map(|n| rest.get(..n));
+            let Some((name, value)) = fits.find_map(|name| Some((name, self.defaults.get(name)?))) else {
                 return Err(here.error(format!("no `default` says what `${}` is", values::shorten(rest))));
             };
             out.push_str(value);
+            if out.len() > raw.len() + MAX_GROWTH {
+                return Err(here.error(format!("its variables make it more than {MAX_GROWTH} bytes longer")));
+            }
             rest = &rest[name.len()..];
         }
         out.push_str(rest);

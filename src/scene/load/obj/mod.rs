@@ -14,12 +14,14 @@ mod text;
 
 pub(super) use self::reads::READS;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read as _;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::{Missing, bare, read};
+use super::images::Pictures;
+use super::{Missing, bare, place, read};
 use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use crate::scene::{Note, SceneError};
 
@@ -47,11 +49,19 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let (mesh, libraries) = load_parts(path, DEFAULT_MATERIAL, Front::CounterClockwise, &mut notes)?;
-    let mut known: Vec<MaterialDesc> = Vec::new();
+    let mut pictures = Pictures::default();
+    // Of two materials with one name the first counts.
+    let mut known: BTreeMap<String, MaterialDesc> = BTreeMap::new();
+    let mut seen = BTreeSet::new();
     for library in libraries {
         let file = path.parent().unwrap_or(Path::new("")).join(library.replace('\\', "/"));
-        match mtl::load(&file, missing, &mut notes) {
-            Ok(materials) => known.extend(materials),
+        if !seen.insert(place(&file)) {
+            continue;
+        }
+        match mtl::load(&file, missing, &mut pictures, &mut notes) {
+            Ok(materials) => materials.into_iter().for_each(|m| {
+                known.entry(m.name.clone()).or_insert(m);
+            }),
             Err(SceneError::Unreadable { reason, .. }) => notes.push(Note {
                 file: path.to_owned(),
                 place: "mtllib".to_owned(),
@@ -60,9 +70,8 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
             Err(other) => return Err(other),
         }
     }
-    let find = |name: &String| known.iter().find(|m| m.name == *name).cloned();
-    let materials: Vec<MaterialDesc> =
-        mesh.slots.iter().map(|name| find(name).unwrap_or_else(|| MaterialDesc::new(name))).collect();
+    let find = |name: &String| known.get(name).cloned().unwrap_or_else(|| MaterialDesc::new(name));
+    let materials: Vec<MaterialDesc> = mesh.slots.iter().map(find).collect();
     Ok((bare::scene(path, mesh, materials, &mut notes), notes))
 }
 
@@ -95,8 +104,11 @@ fn load_parts(
         message: message.clone(),
     }));
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
-    let (models, _) = tobj::load_obj_buf(&mut checked.text.as_bytes(), &options, |_| Ok(Default::default()))
+    let mut text = checked.vertices.as_bytes().chain(checked.faces.as_bytes());
+    let (models, _) = tobj::load_obj_buf(&mut text, &options, |_| Ok(Default::default()))
         .map_err(|e| malformed("whole file".to_owned(), e.to_string()))?;
+    // Meshes of a million triangles: nothing is kept that is not needed any more.
+    drop((checked.vertices, checked.faces));
     let mut builder = Builder {
         has_normals: checked.groups.iter().any(|g| g.normals),
         has_uvs: checked.groups.iter().any(|g| g.uvs),
@@ -114,7 +126,7 @@ fn load_parts(
             content_hash: [0; 32],
         },
     };
-    for model in &models {
+    for model in models {
         // The one model without faces is that of a file without any.
         if let Some(group) = model.name.parse::<usize>().ok().and_then(|i| checked.groups.get(i)) {
             let slot = builder.slot(group.material.as_deref().unwrap_or(default_slot));

@@ -19,7 +19,6 @@
 //! which is not read. Of the options before a file name, equal factors of `-s` and the offset `-o` of the first
 //! map become those of the material.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -27,7 +26,8 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::desc::material::MIN_IOR;
 use crate::scene::desc::{MaterialDesc, TextureDesc, TextureSlot};
-use crate::scene::load::{Missing, images, read};
+use crate::scene::load::images::{self, Pictures};
+use crate::scene::load::{Missing, read};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a material file in bytes.
@@ -61,9 +61,14 @@ struct Options<'t> {
 /// # Errors
 /// A file that cannot be read, statements that are not numbers where numbers belong, and textures that cannot be read
 /// unless `missing` says that those are noted.
-pub(super) fn load(path: &Path, missing: Missing, notes: &mut Vec<Note>) -> Result<Vec<MaterialDesc>, SceneError> {
+pub(super) fn load(
+    path: &Path,
+    missing: Missing,
+    pictures: &mut Pictures,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<MaterialDesc>, SceneError> {
     let bytes = read(path, MAX_MTL_BYTES)?;
-    let mut file = File { path, missing, notes, images: BTreeMap::new(), unread: Vec::new(), materials: Vec::new() };
+    let mut file = File { path, missing, notes, pictures, unread: Vec::new(), materials: Vec::new() };
     for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
         file.statement(i + 1, line.trim())?;
     }
@@ -74,8 +79,7 @@ struct File<'a> {
     path: &'a Path,
     missing: Missing,
     notes: &'a mut Vec<Note>,
-    /// By name as written.
-    images: BTreeMap<String, Arc<TextureDesc>>,
+    pictures: &'a mut Pictures,
     /// Keywords that have been noted.
     unread: Vec<String>,
     materials: Vec<(MaterialDesc, Said)>,
@@ -198,27 +202,21 @@ impl File<'_> {
         if name.is_empty() {
             return Err(self.error(line, "a map needs a file".to_owned()));
         }
-        let texture = match self.images.get(name) {
-            Some(known) => known.clone(),
-            None => {
-                let file = self.path.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
-                match images::load(&file, self.notes) {
-                    Ok(texture) => Arc::new(texture),
-                    Err(e) => {
-                        let whose = self.materials.last().map_or("", |(m, _)| m.name.as_str());
-                        let problem = format!("texture of the material `{}`: {e}", shorten(whose));
-                        if self.missing == Missing::Refused {
-                            return Err(self.error(line, problem));
-                        }
-                        self.note(line, format!("{problem}: the scalar value is used"));
-                        return Ok(());
-                    }
+        let file = self.path.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
+        let texture = match self.pictures.load(&file, self.notes) {
+            Ok(texture) => texture,
+            Err(e) => {
+                let whose = self.materials.last().map_or("", |(m, _)| m.name.as_str());
+                let problem = format!("texture of the material `{}`: {e}", shorten(whose));
+                if self.missing == Missing::Refused {
+                    return Err(self.error(line, problem));
                 }
+                self.note(line, format!("{problem}: the scalar value is used"));
+                return Ok(());
             }
         };
-        self.images.insert(name.to_owned(), texture.clone());
         let (slot, texture) = match slot {
-            TextureSlot::Bump => self.bump(line, &texture, multiplier),
+            TextureSlot::Bump => self.bump(line, texture, multiplier)?,
             _ => (slot, texture),
         };
         self.last(|m, said| {
@@ -239,24 +237,25 @@ impl File<'_> {
     fn bump(
         &mut self,
         line: usize,
-        texture: &Arc<TextureDesc>,
+        texture: Arc<TextureDesc>,
         multiplier: Option<f32>,
-    ) -> (TextureSlot, Arc<TextureDesc>) {
+    ) -> Result<(TextureSlot, Arc<TextureDesc>), SceneError> {
         let whose = self.materials.last().map_or_else(String::new, |(m, _)| shorten(&m.name));
         let known = self.materials.last().is_some_and(|(m, _)| {
             [TextureSlot::Bump, TextureSlot::Normal].iter().any(|slot| m.texture(*slot).is_some())
         });
-        if images::shows_normals(texture) {
+        if images::shows_normals(&texture) {
             if !known {
                 self.note(line, format!("the bumps of `{whose}` are normals: taken as a normal map"));
             }
-            return (TextureSlot::Normal, texture.clone());
+            return Ok((TextureSlot::Normal, texture));
         }
         if !known && multiplier.is_none() {
             let message = format!("the bumps of `{whose}` are 1 scene unit high: see `materials.{whose}.bump_height`");
             self.note(line, message);
         }
-        (TextureSlot::Bump, images::heights(texture))
+        let heights = self.pictures.heights(&texture).map_err(|problem| self.error(line, problem))?;
+        Ok((TextureSlot::Bump, heights))
     }
 
     /// The file's name, and what the options before it say.

@@ -6,7 +6,7 @@
 //! in which none of that matters: absolute indices, and one `o N` for every run of faces of [`Group`] `N`.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use crate::scene::desc::MAX_COORDINATE;
@@ -25,8 +25,10 @@ pub(super) struct Group {
 /// A checked mesh.
 #[derive(Debug, Default)]
 pub(super) struct Checked {
-    /// The mesh in the plain subset; the name of each object is an index into `groups`.
-    pub text: String,
+    /// The points, texture coordinates and normals in the plain subset.
+    pub vertices: String,
+    /// Its faces, which follow; the name of each object is an index into `groups`.
+    pub faces: String,
     /// Every kind of face in the file, in order of appearance.
     pub groups: Vec<Group>,
     /// Names of material files, in order, each once.
@@ -49,9 +51,8 @@ const SILENT: &[&str] = &["s", "vp", "mg"];
 
 /// Checks a whole OBJ text.
 pub(super) fn check(text: &str) -> Result<Checked, Fault> {
-    let lines = logical_lines(text);
     let mut pass = Pass::default();
-    for (_, line) in &lines {
+    for (_, line) in logical_lines(text) {
         match line.split_whitespace().next() {
             Some("v") => pass.totals[0] += 1,
             Some("vt") => pass.totals[1] += 1,
@@ -59,33 +60,34 @@ pub(super) fn check(text: &str) -> Result<Checked, Fault> {
             _ => {}
         }
     }
-    for (number, line) in &lines {
-        pass.line = *number;
-        pass.statement(line).map_err(|problem| Fault { line: *number, problem })?;
+    for (number, line) in logical_lines(text) {
+        pass.line = number;
+        pass.statement(&line).map_err(|problem| Fault { line: number, problem })?;
     }
     Ok(pass.finish())
 }
 
 /// Lines with their numbers, after joining those that end in a backslash.
-fn logical_lines(text: &str) -> Vec<(usize, Cow<'_, str>)> {
-    let mut lines: Vec<(usize, Cow<'_, str>)> = Vec::new();
-    let mut open = false;
-    for (i, raw) in text.lines().enumerate() {
-        let line = raw.trim();
-        let (body, continues) = match line.strip_suffix('\\') {
-            Some(body) if !line.starts_with('#') => (body, true),
-            _ => (line, false),
-        };
-        match lines.last_mut() {
-            Some((_, last)) if open => {
-                last.to_mut().push(' ');
-                last.to_mut().push_str(body);
-            }
-            _ => lines.push((i + 1, body.into())),
+fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let body = |raw: &'_ str| -> (usize, bool) {
+        let line = raw.trim_end();
+        let continues = line.ends_with('\\') && !line.trim_start().starts_with('#');
+        (line.len() - usize::from(continues), continues)
+    };
+    let mut lines = text.lines().enumerate();
+    std::iter::from_fn(move || {
+        let (i, first) = lines.next()?;
+        let (length, mut continues) = body(first);
+        let mut whole = Cow::from(first[..length].trim_start());
+        while continues {
+            let Some((_, next)) = lines.next() else { break };
+            let (length, more) = body(next);
+            whole.to_mut().push(' ');
+            whole.to_mut().push_str(next[..length].trim_start());
+            continues = more;
         }
-        open = continues;
-    }
-    lines
+        Some((i + 1, whole))
+    })
 }
 
 /// One corner as written: position, texture coordinate, normal, as indices from 0.
@@ -109,6 +111,8 @@ struct Pass {
     counts: Counts,
     ignored: Vec<String>,
     libraries: Vec<String>,
+    /// The same, to be looked up.
+    named: BTreeSet<String>,
     notes: Vec<(String, String)>,
 }
 
@@ -121,6 +125,7 @@ struct Counts {
     bad_uvs: (usize, usize),
     bad_normals: (usize, usize),
     partial_faces: (usize, usize),
+    nameless: (usize, usize),
 }
 
 fn count(counter: &mut (usize, usize), line: usize) {
@@ -156,10 +161,7 @@ impl Pass {
             "usemtl" => {
                 let name = line["usemtl".len()..].trim();
                 if name.is_empty() {
-                    self.notes.push((
-                        format!("line {}", self.line),
-                        "`usemtl` without a name: the default material is used".to_owned(),
-                    ));
+                    count(&mut self.counts.nameless, self.line);
                 }
                 self.material = (!name.is_empty()).then(|| name.to_owned());
                 self.faces_since_material = false;
@@ -167,7 +169,7 @@ impl Pass {
             }
             "mtllib" => {
                 let name = line["mtllib".len()..].trim().to_owned();
-                if !name.is_empty() && !self.libraries.contains(&name) {
+                if !name.is_empty() && self.named.insert(name.clone()) {
                     self.libraries.push(name);
                 }
                 Ok(())
@@ -344,6 +346,7 @@ impl Pass {
             (c.concave_faces, "concave polygons are cut as fans from their first corner, which covers too much"),
             (c.bad_uvs, "texture coordinates that are not finite are replaced by (0, 0)"),
             (c.bad_normals, "normals without a direction are replaced by the face's own"),
+            (c.nameless, "`usemtl` without a name means the default material"),
             (c.partial_faces, "normals or texture coordinates of only some corners of a face are ignored"),
         ];
         for ((n, line), message) in rows {
@@ -354,9 +357,8 @@ impl Pass {
         if self.groups.is_empty() {
             self.notes.push(("whole file".to_owned(), "it has no faces".to_owned()));
         }
-        let mut text = self.vertices;
-        text.push_str(&self.faces);
-        Checked { text, groups: self.groups, libraries: self.libraries, notes: self.notes }
+        let Pass { vertices, faces, groups, libraries, notes, .. } = self;
+        Checked { vertices, faces, groups, libraries, notes }
     }
 }
 
@@ -416,8 +418,8 @@ mod tests {
     fn odd_but_legal_files_are_read() {
         let text = "v 0 0 0\nv 2 0 0 2\nv 0 1 0 1 0 0\nvt 0.5\nf 1/1 \\\n 2/1 3/1\nf -3 -2 -1\nf 4 1 2\nv 1 1 1\n";
         let c = check(text).unwrap();
-        assert!(c.text.contains("v 1 0 0\n"), "the weight divides: {}", c.text);
-        assert!(c.text.contains("f 1/1/ 2/1/ 3/1/\n") && c.text.contains("f 4// 1// 2//\n"), "{}", c.text);
+        assert!(c.vertices.contains("v 1 0 0\n"), "the weight divides: {}", c.vertices);
+        assert!(c.faces.contains("f 1/1/ 2/1/ 3/1/\n") && c.faces.contains("f 4// 1// 2//\n"), "{}", c.faces);
         assert_eq!(c.groups.len(), 2);
         assert!(c.notes.is_empty(), "{:?}", c.notes);
     }

@@ -1,7 +1,5 @@
 //! One entry of `materials`.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde_json::Value as Json;
@@ -9,13 +7,14 @@ use serde_json::Value as Json;
 use super::reader::{Object, Report, number, numbers, shorten};
 use crate::scene::SceneError;
 use crate::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
-use crate::scene::load::{Missing, images};
+use crate::scene::load::Missing;
+use crate::scene::load::images::Pictures;
 use crate::value::Value;
 use crate::value::schema::Ty;
 
 /// The textures of one scene, each file read once.
 #[derive(Default)]
-pub(super) struct Textures(BTreeMap<PathBuf, Arc<TextureDesc>>);
+pub(super) struct Textures(Pictures);
 
 impl Textures {
     /// The texture in the file that a key names, if the key is there.
@@ -27,13 +26,7 @@ impl Textures {
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
         let Some((place, name)) = object.string(key, report)? else { return Ok(None) };
         let path = report.resolve(name);
-        if let Some(texture) = self.0.get(&path) {
-            return Ok(Some(texture.clone()));
-        }
-        let texture = images::load(&path, &mut report.notes).map_err(|e| report.named_at(&place, e))?;
-        let texture = Arc::new(texture);
-        self.0.insert(path, texture.clone());
-        Ok(Some(texture))
+        self.0.load(&path, &mut report.notes).map(Some).map_err(|e| report.named_at(&place, e))
     }
 
     /// The same for a slot of a material, which is named where the texture cannot be read. Where that is no error, the

@@ -37,7 +37,7 @@ use serde_json::Value as Json;
 use self::material::Textures;
 use self::reader::{Object, Report, kind, numbers, shorten};
 use super::obj::{Front, load_mesh};
-use super::{Missing, read};
+use super::{Missing, place as one_place, read};
 use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, Optics, SceneDesc,
     ShapeDesc, Transform,
@@ -309,7 +309,7 @@ impl Entities {
         };
         let default = object.string("default_material", report)?.map_or(DEFAULT_MATERIAL, |(_, name)| name);
         let path = report.resolve(file);
-        let key = (path.clone(), default.to_owned());
+        let key = (one_place(&path), default.to_owned());
         if let Some(mesh) = self.meshes.get(&key) {
             return Ok(mesh.clone());
         }

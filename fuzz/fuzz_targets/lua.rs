@@ -1,0 +1,5 @@
+//! A scene in Lua.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| lumbre_fuzz::scene("lua", "a.lua", bytes));

@@ -1,0 +1,5 @@
+//! Mitsuba's XML.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| lumbre_fuzz::scene("mitsuba, more", "a.xml", bytes));

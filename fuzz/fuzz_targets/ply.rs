@@ -1,0 +1,5 @@
+//! A PLY mesh.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| lumbre_fuzz::scene("ply", "a.ply", bytes));

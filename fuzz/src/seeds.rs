@@ -1,0 +1,34 @@
+//! Writes the samples of all formats as the first inputs of the targets: `seeds FOLDER` makes `FOLDER/<target>/`.
+
+#![allow(clippy::expect_used, reason = "a tool that cannot write has nothing else to do")]
+
+use std::fs;
+use std::path::Path;
+
+use lumbre_fuzz::samples::samples;
+
+fn main() {
+    let folder = std::env::args().nth(1).expect("the folder to write to");
+    for sample in samples() {
+        let kind = sample.name.split(',').next().unwrap_or_default();
+        for (i, (name, bytes)) in sample.files.iter().enumerate() {
+            let target = match (kind, name.rsplit('.').next()) {
+                ("obj", Some("mtl")) => "mtl",
+                ("exr" | "png" | "jpeg" | "bmp" | "hdr" | "tga", _) => "image",
+                (kind, _) if i == 0 => kind,
+                _ => continue,
+            };
+            let place = Path::new(&folder).join(target);
+            fs::create_dir_all(&place).expect("a folder that can be written");
+            fs::write(place.join(sample.name.replace(", ", "-")), bytes).expect("a folder that can be written");
+        }
+    }
+    for (target, bytes) in [
+        ("rows", &b"wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,rmse\n0,1,0.5,0.6,0.1,1,2,0,inf\n"[..]),
+        ("checkpoint", &[0, 1, 0, 0]),
+    ] {
+        let place = Path::new(&folder).join(target);
+        fs::create_dir_all(&place).expect("a folder that can be written");
+        fs::write(place.join("sample"), bytes).expect("a folder that can be written");
+    }
+}

@@ -1,0 +1,146 @@
+//! What time costs: a film with a time axis beside the picture alone, and materials with delays or parts beside plain ones.
+//!
+//! All are the same scene with the same samples, so that what they trace is the same; they take turns on one thread, and
+//! ratios are of one turn.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::{Value as Json, json};
+
+use crate::cli::load;
+use crate::film::time::{TimeAxis, TimeFilter};
+use crate::math::stats::median;
+use crate::render::{Job, Renderer, backend};
+use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
+use crate::scene::{compile, load::Missing};
+use crate::transport::delay::Profile;
+use crate::transport::flight::Timing;
+use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
+
+/// Bins of the film.
+const BINS: u32 = 300;
+/// Pixels of the picture.
+const SIZE: [u32; 2] = [160, 120];
+/// Samples of one turn.
+const SAMPLES: u64 = 8;
+
+/// The seconds of an integrator in each turn, for each of the kinds.
+pub struct Cost {
+    integrator: &'static str,
+    turns: Vec<[f64; KINDS.len()]>,
+}
+
+/// A kind of film and scene, and what it is compared with.
+struct Kind {
+    name: &'static str,
+    base: usize,
+    film: bool,
+    change: fn(&mut SceneDesc),
+}
+
+const KINDS: [Kind; 4] = [
+    Kind { name: "picture", base: 0, film: false, change: |_| {} },
+    Kind { name: "film of 300 bins", base: 0, film: true, change: |_| {} },
+    Kind { name: "separable", base: 1, film: true, change: delayed },
+    Kind { name: "composed", base: 1, film: true, change: composed },
+];
+
+/// Measures every integrator on a scene.
+///
+/// # Errors
+/// When it cannot be loaded or rendered, with a message for people.
+pub fn measure(file: &Path, repeats: usize) -> Result<Vec<Cost>, String> {
+    let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
+    INTEGRATORS.iter().map(|row| cost(&desc, row, repeats)).collect()
+}
+
+fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, repeats: usize) -> Result<Cost, String> {
+    let mut renderers = Vec::new();
+    for kind in &KINDS {
+        let mut changed = desc.clone();
+        (kind.change)(&mut changed);
+        renderers.push(open(&changed, integrator, kind.film)?);
+    }
+    let mut turns = Vec::new();
+    for _ in 0..=repeats {
+        let mut turn = [0.0; KINDS.len()];
+        for (seconds, renderer) in turn.iter_mut().zip(&mut renderers) {
+            *seconds = renderer.advance(SAMPLES).map_err(|e| e.to_string())?.render_s;
+        }
+        turns.push(turn);
+    }
+    // The first is for warming up.
+    turns.remove(0);
+    Ok(Cost { integrator: integrator.name, turns })
+}
+
+fn open(desc: &SceneDesc, integrator: &'static IntegratorRow, film: bool) -> Result<Box<dyn Renderer>, String> {
+    let (scene, _) = compile(desc).map_err(|e| e.to_string())?;
+    let timing = Timing {
+        axis: TimeAxis { start: 0.0, bin: 0.1, bins: BINS },
+        filter: TimeFilter::None,
+        camera: true,
+        medium: 1.0,
+        emission: Profile::NONE,
+        metres: 0.0,
+    };
+    let job = Job { timing: film.then_some(timing), threads: 1, ..Job::plain(integrator, SIZE, scene.max_depth, 1) };
+    let cpu = backend("cpu").ok_or("no cpu backend")?;
+    (cpu.open)(Arc::new(scene), job).map_err(|e| e.to_string())
+}
+
+/// Gives every surface that does not shine an exponential delay.
+fn delayed(desc: &mut SceneDesc) {
+    for m in desc.materials.iter_mut().filter(|m| m.emission == glam::Vec3::ZERO) {
+        m.delay.kind = DelayKind::Exponential;
+        m.delay.rate = [2.0, 0.0];
+    }
+}
+
+/// Composes every surface that does not shine of two that are like it.
+fn composed(desc: &mut SceneDesc) {
+    let mut parts = Vec::new();
+    for m in desc.materials.iter_mut().filter(|m| m.emission == glam::Vec3::ZERO) {
+        let names = ["one", "two"].map(|which| format!("{}, part {which}", m.name));
+        parts.extend(names.iter().map(|name| MaterialDesc { name: name.clone(), ..m.clone() }));
+        (m.parts, m.weights) = (names.to_vec(), vec![0.5; 2]);
+    }
+    desc.materials.extend(parts);
+}
+
+impl Cost {
+    /// Median seconds of a kind, and its median ratio to what it is compared with.
+    fn figures(&self, kind: usize) -> (f64, f64) {
+        let base = KINDS[kind].base;
+        (median(self.turns.iter().map(|t| t[kind])), median(self.turns.iter().map(|t| t[kind] / t[base])))
+    }
+
+    /// The figures by name.
+    pub fn to_json(&self) -> Json {
+        let kinds = KINDS.iter().enumerate().map(|(i, kind)| {
+            let (seconds, ratio) = self.figures(i);
+            (kind.name.to_owned(), json!({ "seconds": seconds, "ratio": ratio }))
+        });
+        json!({ "integrator": self.integrator, "kinds": kinds.collect::<serde_json::Map<_, _>>() })
+    }
+}
+
+/// The figures for people.
+pub fn table(costs: &[Cost]) -> String {
+    let mut rows = vec![["time", "integrator", "Mpaths/s", "of its base", "base"].map(str::to_owned).to_vec()];
+    let paths = f64::from(SIZE[0] * SIZE[1]) * SAMPLES as f64;
+    for cost in costs {
+        for (i, kind) in KINDS.iter().enumerate() {
+            let (seconds, ratio) = cost.figures(i);
+            rows.push(vec![
+                kind.name.to_owned(),
+                cost.integrator.to_owned(),
+                format!("{:.3}", paths / seconds / 1e6),
+                format!("{ratio:.3}"),
+                KINDS[kind.base].name.to_owned(),
+            ]);
+        }
+    }
+    crate::cli::text::aligned(&rows)
+}

@@ -1,0 +1,59 @@
+//! An allocator that knows what the thread at hand has taken, for limits on memory that a reader must keep.
+
+#![expect(unsafe_code, reason = "an allocator is an unsafe trait; this one only counts what passes on its way")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+/// The system's allocator, counting.
+pub struct Meter;
+
+thread_local! {
+    /// Bytes that this thread has now, and the most that it had since [`peak`] began.
+    static TAKEN: Cell<[isize; 2]> = const { Cell::new([0; 2]) };
+}
+
+fn count(bytes: isize) {
+    // A thread that ends has no counter any more.
+    let _ = TAKEN.try_with(|taken| {
+        let [now, most] = taken.get();
+        taken.set([now + bytes, most.max(now + bytes)]);
+    });
+}
+
+/// The result of a function, and the most bytes that this thread had at one time while it ran, over what it had before.
+pub fn peak<T>(run: impl FnOnce() -> T) -> (T, usize) {
+    TAKEN.set([0; 2]);
+    let result = run();
+    (result, TAKEN.get()[1].max(0) as usize)
+}
+
+// SAFETY: every call goes to the system's allocator as it came.
+unsafe impl GlobalAlloc for Meter {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        // SAFETY: what the caller promises is what the system's allocator asks for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        // SAFETY: as above.
+        unsafe { System.dealloc(place, layout) }
+    }
+
+    unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // Both may be there at once while one is copied to the other.
+        count(size as isize);
+        // SAFETY: as above.
+        let moved = unsafe { System.realloc(place, layout, size) };
+        count(-(layout.size() as isize));
+        moved
+    }
+}
