@@ -204,6 +204,10 @@ impl Sheet {
     }
 
     fn speed(&self, row: &WaveRow) -> Line<'static> {
+        // Of a reference that another process renders nothing is known until its end.
+        if row.wave == 0 {
+            return Line::styled("nothing measured yet", self.look.dim());
+        }
         let mrays = if row.render_s > 0.0 { row.rays as f64 / row.render_s / 1e6 } else { 0.0 };
         let unit = |value: String, unit: &str| {
             vec![Span::styled(value, self.look.strong()), Span::styled(format!(" {unit}"), self.look.dim())]

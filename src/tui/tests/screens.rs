@@ -243,13 +243,14 @@ fn a_reference_in_parts_says_how_many_are_there() {
     let part = |number| Part { reference: 0, first: 0, end: 8, number, of: 3 };
     let started = |number| Event::PartStarted { part: part(number), open: OpenStats::default(), resumed: None };
     let ended = |number, outcome| Event::PartFinished { part: part(number), outcome, last: None, kept: None };
+    let shown = |model: &Model| screen((200, 60), model, &view(RICH, 5.0));
     model.hear(&started(1), 1.0);
     assert_eq!(model.parts_of(reference), Some((0, 3)));
+    assert!(shown(&model).contains("nothing measured yet"), "{}", shown(&model));
     model.hear(&ended(1, Outcome::Done("8 spp".to_owned())), 2.0);
     model.hear(&started(3), 2.0);
     model.hear(&ended(3, Outcome::Interrupted), 3.0);
     assert_eq!((model.parts_of(reference), &model.references[0].state), (Some((1, 3)), &State::Waiting));
-    let shown = |model: &Model| screen((200, 60), model, &view(RICH, 5.0));
     assert!(shown(&model).contains("1/3 parts"), "{}", shown(&model));
     // Once it is there, nobody asks how.
     let rows = Arc::default();
