@@ -17,7 +17,6 @@ use lumbre::scene::load::{self, Missing};
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::script::scene;
 use lumbre::store::rows;
-use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::delay::Profile;
 use lumbre::transport::flight::Timing;
 use lumbre::transport::integrator::integrator;
@@ -103,20 +102,8 @@ fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
         emission: Profile::NONE,
         metres: 0.0,
     };
-    let job = Job {
-        integrator: integrator(["bdpt", "nee"][technique]).expect("an integrator of this name"),
-        params: Default::default(),
-        resolution: [4, 3],
-        max_depth: 4,
-        rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
-        layers: Vec::new(),
-        timing: Some(timing),
-        accel: Default::default(),
-        sampler: SOBOL,
-        seed: 7,
-        threads: 1,
-    };
+    let integrator = integrator(["bdpt", "nee"][technique]).expect("an integrator of this name");
+    let job = Job { timing: Some(timing), sampler: SOBOL, threads: 1, ..Job::plain(integrator, [4, 3], 4, 7) };
     render::open("cpu", scene.clone(), job).expect("a job that is possible")
 }
 
