@@ -88,7 +88,8 @@ impl Journals {
         }
         if !self.tails.is_empty() {
             // Clocks of machines may differ by a little; nothing but the order of what is shown hangs on them.
-            lines.sort_by(|a, b| a["date"].as_str().cmp(&b["date"].as_str()));
+            let order = |line: &Json| (line["date"].as_str().unwrap_or_default().to_owned(), worker(line).to_owned());
+            lines.sort_by_cached_key(order);
         }
         Lines { lines, anew: news.anew }
     }

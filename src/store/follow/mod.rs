@@ -46,6 +46,8 @@ pub struct Follower {
     journals: Journals,
     /// Runs that started and have not ended, by their ids, with the line that said so.
     underway: BTreeMap<String, Json>,
+    /// The ids of runs of which a line said that they are done.
+    done: BTreeSet<String>,
     /// Whether a night has begun and not ended.
     goes_on: bool,
     /// When workers were looked at, and those that were found to be lost.
@@ -113,6 +115,7 @@ impl Follower {
             references,
             journals,
             underway: BTreeMap::new(),
+            done: BTreeSet::new(),
             goes_on: false,
             called: None,
             lost: BTreeSet::new(),
@@ -230,6 +233,9 @@ impl Follower {
         let at_s = line["date"].as_str().and_then(seconds_of).unwrap_or(0) as f64;
         let id = line["run"].as_str().unwrap_or_default();
         let which = self.ids.get(id).cloned().unwrap_or_default();
+        if self.is_late(line, &which) {
+            return;
+        }
         let mut see = |seen| sights.push(Sight { at_s, seen });
         match line["event"].as_str().unwrap_or_default() {
             "night_started" => {
@@ -287,6 +293,11 @@ impl Follower {
             }
             "cell_finished" => {
                 self.underway.remove(id);
+                if line["outcome"] == "done" {
+                    self.done.insert(id.to_owned());
+                    let prefix = part_key(id, "");
+                    self.underway.retain(|key, _| !key.starts_with(&prefix));
+                }
                 if let Some(run) = self.runs.iter_mut().find(|run| which.contains(&run.cell)) {
                     run.running = false;
                     // What was measured last is told before the end is.
@@ -312,6 +323,14 @@ impl Follower {
             }),
             _ => {}
         }
+    }
+
+    /// Whether a line tells of work on what is done. Lines of several workers are in order to the second, so what one
+    /// began can be told after another one ended it.
+    fn is_late(&self, line: &Json, which: &[CellRef]) -> bool {
+        matches!(line["event"].as_str(), Some("cell_started" | "part_started" | "part_finished"))
+            && line["run"].as_str().is_some_and(|id| self.done.contains(id))
+            && which.iter().all(|cell| self.is_done(*cell))
     }
 
     /// Runs that are done without the journal saying so: it was lost, or they lie in a folder beside this one.

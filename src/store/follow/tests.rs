@@ -159,6 +159,35 @@ fn workers_are_followed_by_their_own_journals() {
 }
 
 #[test]
+fn what_is_done_stays_so_when_another_worker_tells_of_its_parts_in_the_same_second() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let home = Store::open(dir.path(), &plan, decode).unwrap().folder().to_owned();
+    let id = plan.references[0].id.0.as_str();
+    let folder = crate::store::layout::reference_folder(dir.path(), &plan.references[0].id);
+    fs::create_dir_all(home.join("workers")).unwrap();
+    // The journals of two workers, the second of which joined what the first had begun.
+    let write = |worker: &str, lines: &[&str]| {
+        let line = |rest: &&str| format!("{{\"date\":\"2026-04-27T21:30:00Z\",\"run\":\"{id}\",{rest}}}\n");
+        let text: String = lines.iter().map(line).collect();
+        fs::write(home.join("workers").join(worker).with_extension("jsonl"), text).unwrap();
+    };
+    let start = r#""event":"part_started","part":1,"of":1,"words":"part 1 of 1""#;
+    let finish = r#""event":"part_finished","part":1,"of":1,"words":"part 1 of 1","outcome":"done""#;
+    let done = r#""event":"cell_finished","outcome":"done","samples":4"#;
+    write("a", &[done]);
+    write("b", &[start, finish]);
+    let tells_of_parts = |words: &[String]| words.iter().any(|word| word.contains("part") || word.ends_with(" too"));
+    let rendered_again = seen_of_runs(&mut Follower::open(&home, decode).unwrap());
+    assert!(tells_of_parts(&rendered_again), "its files are not there: {rendered_again:?}");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("ref.json"), "{}").unwrap();
+    let words = seen_of_runs(&mut Follower::open(&home, decode).unwrap());
+    assert!(words.contains(&"Reference(0) Done(\"\") after Some(4)".to_owned()), "{words:?}");
+    assert!(!tells_of_parts(&words), "{words:?}");
+}
+
+#[test]
 fn runs_of_one_worker_that_take_turns_are_shown_together() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33", "dd44"]);
