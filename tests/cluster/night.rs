@@ -75,6 +75,14 @@ pub fn finished(place: &Workplace, home: &str) -> BTreeMap<String, usize> {
     counts
 }
 
+/// Fails where a run was recorded as finished more than once, or fewer were than can be. A process that is killed between
+/// the last file of a run and its line in the journal leaves the run done and the line unwritten.
+pub fn finished_once(place: &Workplace, home: &str, killed: usize) {
+    let counts = finished(place, home);
+    assert!(counts.values().all(|n| *n == 1), "no run twice: {counts:?}");
+    assert!((RUNS - killed..=RUNS).contains(&counts.len()), "{} of {RUNS}: {counts:?}", counts.len());
+}
+
 /// The night's folder below `out`, relative to the workplace.
 pub fn home(place: &Workplace, out: &str) -> String {
     let link = std::fs::read_link(place.path(&format!("{out}/latest"))).unwrap();

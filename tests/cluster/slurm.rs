@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use super::night::{RUNS, differing, evidence, finished, home, script};
+use super::night::{RUNS, differing, evidence, finished, finished_once, home, script};
 use super::workplace::Workplace;
 
 /// Longest that the whole night may take.
@@ -127,8 +127,8 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
         slurm.states(&id).values().all(|state| !["PENDING", "RUNNING", "COMPLETING"].contains(&state.as_str()))
     });
 
-    let counts = finished(&place, &home);
-    assert_eq!((counts.len(), counts.values().sum::<usize>()), (RUNS, RUNS), "every run once: {counts:?}");
+    // One was killed, and Slurm may kill what it takes from a node.
+    finished_once(&place, &home, 2);
     let states = slurm.states(&id);
     assert_eq!((states[&task(1)].as_str(), states[&task(2)].as_str()), ("COMPLETED", "COMPLETED"));
     place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
