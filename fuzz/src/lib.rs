@@ -11,13 +11,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use lumbre::film::time::{TimeAxis, TimeFilter};
+use lumbre::film::time::TimeAxis;
 use lumbre::render::{self, Job, Renderer};
 use lumbre::scene::load::{self, Missing};
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::script::scene;
 use lumbre::store::rows;
-use lumbre::transport::delay::Profile;
 use lumbre::transport::flight::Timing;
 use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::SOBOL;
@@ -94,14 +93,7 @@ struct States {
 static STATES: OnceLock<States> = OnceLock::new();
 
 fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
-    let timing = Timing {
-        axis: TimeAxis { start: 2.0, bin: 0.5, bins: 5 },
-        filter: TimeFilter::None,
-        camera: true,
-        medium: 1.0,
-        emission: Profile::NONE,
-        metres: 0.0,
-    };
+    let timing = Timing::plain(TimeAxis { start: 2.0, bin: 0.5, bins: 5 });
     let integrator = integrator(["bdpt", "nee"][technique]).expect("an integrator of this name");
     let job = Job { timing: Some(timing), sampler: SOBOL, threads: 1, ..Job::plain(integrator, [4, 3], 4, 7) };
     render::open("cpu", scene.clone(), job).expect("a job that is possible")

@@ -53,12 +53,21 @@ pub fn machine() -> Option<[u64; 2]> {
     told(&std::fs::read_to_string("/proc/meminfo").ok()?)
 }
 
+/// Bytes that the system gives under a key such as `VmRSS:` for a process, a number or `self`, where it tells it in a file.
+pub fn of_process(process: &str, key: &str) -> Option<u64> {
+    bytes_after(&std::fs::read_to_string(format!("/proc/{process}/status")).ok()?, key)
+}
+
 fn told(text: &str) -> Option<[u64; 2]> {
-    let bytes = |key: &str| {
-        let line = text.lines().find_map(|line| line.strip_prefix(key))?;
-        line.split_whitespace().next()?.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
-    };
-    Some([bytes("MemAvailable:")?, bytes("MemTotal:")?])
+    Some([bytes_after(text, "MemAvailable:")?, bytes_after(text, "MemTotal:")?])
+}
+
+fn bytes_after(text: &str, key: &str) -> Option<u64> {
+    number_after(text, key).map(|kilobytes| kilobytes * 1024)
+}
+
+fn number_after(text: &str, key: &str) -> Option<u64> {
+    text.lines().find_map(|line| line.strip_prefix(key))?.split_whitespace().next()?.parse().ok()
 }
 
 #[cfg(test)]
@@ -80,5 +89,6 @@ mod tests {
         let text = "MemTotal:       16316412 kB\nMemFree:         1 kB\nMemAvailable:    8158206 kB\n";
         assert_eq!(told(text), Some([8_158_206 * 1024, 16_316_412 * 1024]));
         assert_eq!(told("MemTotal: 1 kB\n"), None);
+        assert_eq!(number_after("VmPeak: 1 kB\nVmRSS:       16316412 kB\n", "VmRSS:"), Some(16_316_412));
     }
 }

@@ -188,7 +188,7 @@ impl<'a> Surface<'a> {
         let slopes = slopes * (m.tiling.scale * m.bump_height);
         let i = hit.primitive as usize;
         let (edges, rises) = if i < scene.triangles.len() {
-            let [a, b, c] = scene.triangle(hit.primitive, hit.instance).0;
+            let [a, b, c] = scene.corners(hit.primitive, hit.instance);
             let [ta, tb, tc] = scene.attributes[i].uvs;
             ([b - a, c - a], [slopes.dot(tb - ta), slopes.dot(tc - ta)])
         } else {

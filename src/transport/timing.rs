@@ -112,6 +112,11 @@ pub const FILM: Table = Table {
 };
 
 impl Timing {
+    /// A time axis with all else as it is where a script does not say.
+    pub fn plain(axis: TimeAxis) -> Timing {
+        Timing { axis, filter: TimeFilter::None, camera: true, medium: 1.0, emission: Profile::NONE, metres: 0.0 }
+    }
+
     /// From the table `film`, checked against [`FILM`]; `None` without a time axis. `path` stands before fields in errors.
     ///
     /// # Errors

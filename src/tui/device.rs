@@ -51,7 +51,7 @@ impl Gauges {
         self.cpu.busy = self.jiffies.zip(now).and_then(|(before, now)| share(before, now));
         self.jiffies = now;
         self.cpu.memory = memory::machine().map(|[free, all]| [all.saturating_sub(free), all]);
-        self.resident = number_after(&read("/proc/self/status"), "VmRSS:").map(|kb| kb * 1024);
+        self.resident = memory::of_process("self", "VmRSS:");
         self.cpu.celsius = hottest(Path::new("/sys/class/thermal"));
         if let Some(gpu) = self.graphics(device) {
             self.gpu = gpu;
@@ -87,10 +87,6 @@ fn jiffies(stat: &str) -> Option<[u64; 2]> {
 fn share(before: [u64; 2], now: [u64; 2]) -> Option<f64> {
     let all = now[1].checked_sub(before[1]).filter(|all| *all > 0)?;
     Some((now[0].saturating_sub(before[0]) as f64 / all as f64).clamp(0.0, 1.0))
-}
-
-fn number_after(text: &str, key: &str) -> Option<u64> {
-    text.lines().find_map(|line| line.strip_prefix(key))?.split_whitespace().next()?.parse().ok()
 }
 
 /// The hottest of the system's thermal zones.
@@ -142,7 +138,6 @@ mod tests {
         assert_eq!(share(before, now), Some(0.75));
         assert_eq!(share(now, now), None, "no time has passed");
         assert_eq!(jiffies("what"), None);
-        assert_eq!(number_after("VmPeak: 1 kB\nVmRSS:       16316412 kB\n", "VmRSS:"), Some(16_316_412));
         let reading = nvidia("37, 1024, 81920, 61\n12, 1, 2, 3\n");
         assert_eq!(reading, Reading { busy: Some(0.37), memory: Some([1 << 30, 80 << 30]), celsius: Some(61.0) });
         assert_eq!(nvidia("[N/A], 1024, 81920, 40").busy, None);

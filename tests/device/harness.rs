@@ -3,13 +3,12 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use lumbre::film::time::{TimeAxis, TimeFilter};
+use lumbre::film::time::TimeAxis;
 use lumbre::render::vulkan::device::{self, Caps, Device};
 use lumbre::render::vulkan::instance;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{DelayProfile, Delays, Part};
 use lumbre::scene::desc::{DelayDesc, DelayKind};
-use lumbre::transport::delay::Profile;
 use lumbre::transport::flight::Timing;
 
 /// The device of this process, or `None` after a line `SKIPPED` where there is none.
@@ -42,14 +41,7 @@ pub fn exact() -> Option<Arc<Device>> {
 
 /// A time axis without anything special.
 pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
-    Timing {
-        axis: TimeAxis { start, bin, bins },
-        filter: TimeFilter::None,
-        camera: true,
-        medium: 1.0,
-        emission: Profile::NONE,
-        metres: 0.0,
-    }
+    Timing::plain(TimeAxis { start, bin, bins })
 }
 
 /// Delays every third material of a scene by each kind of profile in turn, and composes every other third of two.

@@ -22,14 +22,7 @@ const MIRROR: Material = Material { metallic: 1.0, ..WHITE };
 const GLASS: Material = Material { opacity: 0.0, ..WHITE };
 
 pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
-    Timing {
-        axis: TimeAxis { start, bin, bins },
-        filter: TimeFilter::None,
-        camera: true,
-        medium: 1.0,
-        emission: Profile::NONE,
-        metres: 0.0,
-    }
+    Timing::plain(TimeAxis { start, bin, bins })
 }
 
 pub fn with(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {

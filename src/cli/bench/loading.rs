@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
+use crate::experiment::memory;
 use crate::math::stats::median;
 use crate::render::cpu::accel::Accel;
 use crate::scene::desc::{SceneDesc, ShapeDesc, Texels};
@@ -42,7 +43,7 @@ impl Loading {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let file_bytes = write(folder.path()).map_err(|e| e.to_string())?;
         let file = folder.path().join("mesh.obj");
-        let before = memory("VmRSS:");
+        let before = memory::of_process("self", "VmRSS:");
         // The highest mark begins anew where the system has such a switch.
         let marked = fs::write("/proc/self/clear_refs", "5").is_ok();
         let (mut times, mut sizes, mut peak) = ([vec![], vec![], vec![]], (0, 0), None);
@@ -57,8 +58,10 @@ impl Loading {
             let accel = Accel::build(Arc::clone(&scene)).map_err(|e| e.to_string())?;
             times[2].push(start.elapsed().as_secs_f64());
             if i == 0 {
-                peak =
-                    memory("VmHWM:").zip(before).filter(|_| marked).map(|(most, before)| most.saturating_sub(before));
+                peak = memory::of_process("self", "VmHWM:")
+                    .zip(before)
+                    .filter(|_| marked)
+                    .map(|(most, before)| most.saturating_sub(before));
                 sizes = (scene.triangles.len(), described(&desc) + compiled(&scene) + accel.bytes());
             }
         }
@@ -166,11 +169,4 @@ fn described(desc: &SceneDesc) -> usize {
 /// Arrays of triangles; textures are shared with the description or as large again, and counted there.
 fn compiled(scene: &CompiledScene) -> usize {
     size_of_val(&scene.triangles[..]) + size_of_val(&scene.attributes[..])
-}
-
-/// A figure of this process in bytes, on systems that tell it in a file.
-fn memory(key: &str) -> Option<u64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix(key))?;
-    line.split_whitespace().next()?.parse::<u64>().ok().map(|kb| kb * 1024)
 }

@@ -9,6 +9,7 @@ use std::time::Duration;
 use serde_json::{Value as Json, json};
 
 use super::night::BALL;
+use crate::experiment::memory;
 
 /// Cells of the night.
 const CELLS: usize = 400;
@@ -55,7 +56,7 @@ impl Long {
             if let Some(status) = night.try_wait().map_err(|e| e.to_string())? {
                 break status;
             }
-            let (done, memory) = (finished(&out), resident(night.id()));
+            let (done, memory) = (finished(&out), memory::of_process(&night.id().to_string(), "VmRSS:"));
             match done {
                 done if done < CELLS / 4 => {}
                 done if done < CELLS => {
@@ -98,12 +99,6 @@ impl Long {
 fn finished(out: &Path) -> usize {
     let journal = fs::read_to_string(out.join("latest").join("journal.jsonl")).unwrap_or_default();
     journal.lines().filter(|line| line.contains("cell_finished")).count()
-}
-
-/// Bytes of a process in memory.
-fn resident(process: u32) -> Option<u64> {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    super::scale::resident_of(&status)
 }
 
 /// The most files that stand in the folder of one run.

@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 
 use crate::cli::load::decode;
 use crate::cli::watch::{open, tell};
-use crate::experiment::Plan;
+use crate::experiment::{Plan, memory};
 use crate::store::{Follower, list, plan_json, utc};
 use crate::tui::model::Model;
 
@@ -121,15 +121,9 @@ fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
     fs::write(folder.join("plan.json"), described.to_string())
 }
 
-/// Bytes of this process in memory, on systems that tell it in a file.
+/// Bytes of this process in memory, where the system tells.
 fn resident() -> Option<u64> {
-    resident_of(&fs::read_to_string("/proc/self/status").ok()?)
-}
-
-/// Bytes of a process in memory, from what its file says.
-pub(super) fn resident_of(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    line.split_whitespace().next()?.parse::<u64>().ok().map(|kb| kb * 1024)
+    memory::of_process("self", "VmRSS:")
 }
 
 #[cfg(test)]

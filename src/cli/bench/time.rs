@@ -9,12 +9,11 @@ use std::sync::Arc;
 use serde_json::{Value as Json, json};
 
 use crate::cli::load;
-use crate::film::time::{TimeAxis, TimeFilter};
+use crate::film::time::TimeAxis;
 use crate::math::stats::median;
 use crate::render::{Job, Renderer, backend};
 use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
 use crate::scene::{compile, load::Missing};
-use crate::transport::delay::Profile;
 use crate::transport::flight::Timing;
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 
@@ -77,14 +76,7 @@ fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, repeats: usize) ->
 
 fn open(desc: &SceneDesc, integrator: &'static IntegratorRow, film: bool) -> Result<Box<dyn Renderer>, String> {
     let (scene, _) = compile(desc).map_err(|e| e.to_string())?;
-    let timing = Timing {
-        axis: TimeAxis { start: 0.0, bin: 0.1, bins: BINS },
-        filter: TimeFilter::None,
-        camera: true,
-        medium: 1.0,
-        emission: Profile::NONE,
-        metres: 0.0,
-    };
+    let timing = Timing::plain(TimeAxis { start: 0.0, bin: 0.1, bins: BINS });
     let job = Job { timing: film.then_some(timing), threads: 1, ..Job::plain(integrator, SIZE, scene.max_depth, 1) };
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     (cpu.open)(Arc::new(scene), job).map_err(|e| e.to_string())

@@ -156,18 +156,16 @@ impl Subpaths {
         pixel: [u32; 2],
         sampler: &mut Sampler,
     ) {
-        let mut chance = self.trace_camera::<TIMED>(context, h, pixel, context.max_depth, sampler);
-        self.trace_light::<TIMED>(context, h, context.max_depth, sampler, &mut chance);
+        let mut chance = self.trace_camera::<TIMED>(context, h, pixel, sampler);
+        self.trace_light::<TIMED>(context, h, sampler, &mut chance);
     }
 
-    /// The subpath from the camera, up to `max_edges` edges; what is left of the numbers of parts and delays goes to the
-    /// light's.
+    /// The subpath from the camera; what is left of the numbers of parts and delays goes to the light's.
     fn trace_camera<const TIMED: bool>(
         &mut self,
         context: &Context,
         h: Heuristic,
         pixel: [u32; 2],
-        max_edges: u32,
         sampler: &mut Sampler,
     ) -> Chance {
         self.camera.clear();
@@ -179,19 +177,19 @@ impl Subpaths {
         self.emitted = chance.emission(context);
         let flight = Flight::<TIMED>::of_camera(context, &ray, self.emitted);
         let mut going = Going { flight, sampler, chance: &mut chance };
-        self.escape = walk(context, h, Mode::Radiance, departure, max_edges, &mut going, &mut self.camera);
+        self.escape = walk(context, h, Mode::Radiance, departure, context.max_depth, &mut going, &mut self.camera);
         chance
     }
 
-    /// The subpath from a light, up to `max_edges` edges.
+    /// The subpath from a light.
     fn trace_light<const TIMED: bool>(
         &mut self,
         context: &Context,
         h: Heuristic,
-        max_edges: u32,
         sampler: &mut Sampler,
         chance: &mut Chance,
     ) {
+        let max_edges = context.max_depth;
         self.light.clear();
         self.start = None;
         if max_edges == 0 {
