@@ -10,6 +10,8 @@ mod frozen;
 mod night;
 #[path = "cluster/parts.rs"]
 mod parts;
+#[path = "cluster/planner.rs"]
+mod planner;
 #[path = "cluster/queue.rs"]
 mod queue;
 #[path = "cluster/slurm.rs"]

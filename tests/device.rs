@@ -10,6 +10,7 @@ mod common;
 mod device {
     mod copies;
     mod corners;
+    mod devices;
     mod faults;
     pub mod harness;
     mod images;

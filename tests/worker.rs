@@ -5,7 +5,7 @@ mod common;
 
 use std::process::Command;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::{Vec2, Vec3, Vec4};
 use lumbre::film::layer::Layer;
@@ -261,20 +261,21 @@ fn a_worker_ends_with_the_process_that_asked_it() {
 
 #[test]
 fn what_is_no_worker_is_said() {
-    let open = |program: &str, arguments: &[&str]| {
+    // What never answers is given up soon; what does may take a while to start.
+    let open = |program: &str, arguments: &[&str], silence: Duration| {
         let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
-        let pool = Pool::new(Launcher { program: program.into(), arguments, silence: 2 * BEAT });
+        let pool = Pool::new(Launcher { program: program.into(), arguments, silence });
         pool.open("mock", &scene(), request()).err().unwrap().to_string()
     };
     #[cfg(unix)]
     {
-        let said = open("sleep", &["100"]);
+        let said = open("sleep", &["100"], 2 * BEAT);
         assert!(said.contains("it gave no sign of life for 1 s"), "{said}");
     }
-    let said = open("/nowhere/lumbre", &[]);
+    let said = open("/nowhere/lumbre", &[], 2 * BEAT);
     assert!(said.contains("/nowhere/lumbre does not start"), "{said}");
-    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["--version"]);
+    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["--version"], 120 * BEAT);
     assert!(said.contains("its answer broke off"), "{said}");
-    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"]);
+    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"], 120 * BEAT);
     assert!(said.contains("it ended") && said.contains("unrecognized subcommand"), "{said}");
 }

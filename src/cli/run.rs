@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::again::{last_command, latest};
 use super::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
-use super::cluster::freeze;
+use super::cluster::{Hands, freeze, me, say_apart};
 use super::exit::{Exit, Failure, data, talk};
 use super::load::{self, decode, shown};
 use super::log::Log;
@@ -27,6 +27,7 @@ use crate::tui;
 
 /// Runs an experiment.
 pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    render_on_first(&args.night);
     let (script, plan) = load::plan(&args.script, global)?;
     if args.dry_run {
         return super::plan::print(&plan, global, false);
@@ -37,6 +38,7 @@ pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure>
 
 /// Runs what is not done of an experiment, or only what failed.
 pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    render_on_first(&args.night);
     let (wanted, global) = match args.script() {
         Some(script) => (script, global.clone()),
         None => last_command(&latest(&global.out)?, global)?,
@@ -45,6 +47,13 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
     let named = args.script();
     let how = How { night: &args.night, only_failed: args.failed, script: named.as_ref() };
     carry_out(&script, &plan, &how, &global, log)
+}
+
+/// This process renders on the first of the devices that were named.
+fn render_on_first(night: &NightArgs) {
+    if let Some(first) = night.devices.first() {
+        render::choice::use_device(first);
+    }
 }
 
 /// How a night is to go.
@@ -61,7 +70,8 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
     if !global.quiet {
         load::show_doubts(plan);
     }
-    let store = Store::open(&global.out, plan, decode).map_err(Failure::usage)?;
+    let devices = if only_failed { Vec::new() } else { Hands::devices(plan, night)? };
+    let mut store = Store::open(&global.out, plan, decode).map_err(Failure::usage)?;
     let all = || {
         let references = (0..plan.references.len()).map(CellRef::Reference);
         references.chain((0..plan.cells.len()).map(CellRef::Cell))
@@ -96,14 +106,28 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
         memory: None,
         begin: None,
     };
-    let Ended { night, exit, told } = render_night(script, plan, &store, global, log, &todo, options)?;
-    // What a narrowed night left alone is there nonetheless, and belongs into tables and figures.
-    let night = if only_failed { with_the_rest(night, plan, &store) } else { night };
+    let mut hands = Hands::default();
+    if !todo.is_empty() {
+        store.take_part(plan, &me(plan, night.affinity)).map_err(Failure::usage)?;
+        let open = |cell: CellRef| !todo.done.contains(&cell);
+        hands = Hands::start(&devices, plan, store.folder(), night, global, &open)?;
+    }
+    let store = store;
+    let Ended { night, exit, told, control } = render_night(script, plan, &store, global, log, &todo, options)?;
+    // Others go on with what is for their devices alone, unless the night ended early.
+    if !night.interrupted && night.results.len() + night.apart.len() == plan.cells.len() + plan.references.len() {
+        hands.wait(&control);
+    }
+    hands.end();
+    // What a narrowed night left alone is there nonetheless, and belongs into tables and figures, as does what was for
+    // another's device.
+    let night = if only_failed || !night.apart.is_empty() { with_the_rest(night, plan, &store) } else { night };
     let written = write_evidence(&store, plan, &night);
     print_tables(&store, plan, &night)?;
     if !told {
         say_failures(plan, &night);
     }
+    say_apart(plan, &night);
     say_disagreements(plan, &night);
     say_control(plan, &night, global.quiet);
     if !global.quiet {
@@ -125,6 +149,7 @@ fn with_the_rest(mut night: NightSummary, plan: &Plan, history: &dyn History) ->
                 floors: run.floors,
                 open: run.open,
             });
+            night.apart.retain(|(apart, _)| *apart != cell);
         }
     }
     night
@@ -178,6 +203,8 @@ struct Ended {
     exit: Exit,
     /// Whether failures have been shown as they happened, on what is still to be seen.
     told: bool,
+    /// Hears whether the rest is to stop as well.
+    control: Arc<Control>,
 }
 
 /// Renders what is left, and gathers what is there.
@@ -194,7 +221,7 @@ fn render_night(
     if todo.is_empty() {
         let night = run::run(plan, script, store, &mut [], &control, Options { smoke: false, ..options })
             .map_err(Failure::internal)?;
-        return Ok(Ended { night, exit: Exit::Interrupted, told: false });
+        return Ok(Ended { night, exit: Exit::Interrupted, told: false, control });
     }
     if !global.quiet {
         say_backends(plan);
@@ -208,7 +235,7 @@ fn render_night(
     // The terminal is given back before anything is said on it.
     drop(watcher);
     log.release();
-    Ok(Ended { night: night.map_err(Failure::internal)?, exit: heard.exit(), told })
+    Ok(Ended { night: night.map_err(Failure::internal)?, exit: heard.exit(), told, control })
 }
 
 /// Who shows the night.

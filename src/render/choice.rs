@@ -3,6 +3,10 @@
 
 use std::sync::OnceLock;
 
+/// Set to `whole`, it lets devices sum splats in whole numbers where they could add floats: slower, and the same bits every
+/// time.
+pub const SPLATS_VARIABLE: &str = "LUMBRE_SPLATS";
+
 static DEVICE: OnceLock<String> = OnceLock::new();
 static AUTO: OnceLock<&'static str> = OnceLock::new();
 
@@ -29,4 +33,9 @@ pub fn settle_auto(name: &str) {
 /// What `auto` was said to mean.
 pub fn auto() -> Option<&'static str> {
     AUTO.get().copied()
+}
+
+/// Whether splats are to be whole numbers on every device.
+pub fn whole_splats() -> bool {
+    std::env::var(SPLATS_VARIABLE).is_ok_and(|word| word == "whole")
 }

@@ -309,6 +309,28 @@ pub fn device_place(backend: &str) -> String {
     String::new()
 }
 
+/// The places of further devices of this machine that are of the model that a backend renders on; none where one was named.
+pub fn devices_alike(backend: &str) -> Vec<String> {
+    #[cfg(feature = "vulkan")]
+    return vulkan::alike(backend);
+    #[cfg(not(feature = "vulkan"))]
+    {
+        let _ = backend;
+        Vec::new()
+    }
+}
+
+/// The places of the graphics devices of these names, each an index or a part of a name.
+///
+/// # Errors
+/// When there is none of a name, or two names mean one.
+pub fn device_places(names: &[String]) -> Result<Vec<String>, String> {
+    #[cfg(feature = "vulkan")]
+    return vulkan::places(names);
+    #[cfg(not(feature = "vulkan"))]
+    Err(format!("there is no device `{}`: this program was built without Vulkan", names.join(", ")))
+}
+
 /// The row that `name` means; `auto` is that of [`automatic`].
 pub fn backend(name: &str) -> Option<&'static BackendRow> {
     let name = if name == "auto" { automatic().0 } else { name };

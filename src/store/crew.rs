@@ -1,5 +1,7 @@
 //! Who works in an experiment's folder when there are many: every worker's heartbeat, `workers/<name>.json`, beside its
-//! own journal, `workers/<name>.jsonl`. Nobody writes another's file, and no file is appended to by two.
+//! own journal, `workers/<name>.jsonl`. Nobody writes another's file, and no file is appended to by two. Who makes the plan
+//! and renders as well has `planners/<name>.json`, for as long as that takes: workers that come have to know of it, and a
+//! night that one process renders alone keeps nothing of it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +19,8 @@ use crate::experiment::groups::Affinity;
 
 /// The folder of workers inside an experiment's.
 pub(super) const FOLDER: &str = "workers";
+/// That of planners.
+const PLANNERS: &str = "planners";
 /// How soon a change is told.
 const GLANCE: Duration = Duration::from_secs(1);
 
@@ -71,6 +75,8 @@ impl Doing {
 pub struct Worker {
     /// Its name among all workers.
     pub name: String,
+    /// Whether it made the plan, and would be there without any other.
+    pub planner: bool,
     /// The machine.
     pub host: String,
     /// Number of the process there.
@@ -97,18 +103,41 @@ impl Worker {
     }
 }
 
-/// Every worker that ever joined an experiment's folder, ordered by name.
+/// Every worker that ever joined an experiment's folder, and whoever plans and renders there now, ordered by name.
 pub fn crew(folder: &Path) -> Vec<Worker> {
-    let place = folder.join(FOLDER);
-    let files = fs::read_dir(&place).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut files: Vec<PathBuf> = files.filter(|f| f.extension().is_some_and(|e| e == "json")).collect();
+    let mut found: Vec<Worker> = [FOLDER, PLANNERS].iter().flat_map(|place| heartbeats(&folder.join(place))).collect();
+    found.sort_by(|a, b| a.name.cmp(&b.name));
+    found
+}
+
+fn heartbeats(place: &Path) -> Vec<Worker> {
+    let files = fs::read_dir(place).into_iter().flatten().flatten().map(|entry| entry.path());
+    let files: Vec<PathBuf> = files.filter(|f| f.extension().is_some_and(|e| e == "json")).collect();
     if files.is_empty() {
         return Vec::new();
     }
-    files.sort();
     // A copy that cannot be written to is read by this machine's clock.
-    let now = write::now_in(&place).unwrap_or_else(|_| SystemTime::now());
+    let now = write::now_in(place).unwrap_or_else(|_| SystemTime::now());
     files.iter().filter_map(|file| worker(file, now)).collect()
+}
+
+/// Removes what planners left that did not end by themselves: those that were not heard of for as long as a claim lasts,
+/// and those of this machine whose process is gone.
+pub(super) fn sweep_planners(folder: &Path) {
+    let place = folder.join(PLANNERS);
+    let here = Owner::here();
+    for planner in heartbeats(&place) {
+        let file = place.join(format!("{}.json", planner.name));
+        let owner = read_json(&file).and_then(|json| Owner::from_json(&json));
+        let ours = owner.is_some_and(|owner| owner.same_machine(&here));
+        let gone = cfg!(target_os = "linux") && !Path::new("/proc").join(planner.process.to_string()).exists();
+        if planner.is_lost() || (ours && gone) {
+            // Somebody else may have removed it.
+            let _ = fs::remove_file(file);
+        }
+    }
+    // What is not empty stays.
+    let _ = fs::remove_dir(place);
 }
 
 fn worker(file: &Path, now: SystemTime) -> Option<Worker> {
@@ -123,6 +152,7 @@ fn worker(file: &Path, now: SystemTime) -> Option<Worker> {
     };
     Some(Worker {
         name: file.file_stem()?.to_str()?.to_owned(),
+        planner: file.parent()?.ends_with(PLANNERS),
         host: owner.host,
         process: owner.process,
         device: Device { key: text("device"), model: text("model") },
@@ -137,6 +167,7 @@ fn worker(file: &Path, now: SystemTime) -> Option<Worker> {
 pub(super) struct Presence {
     file: PathBuf,
     facts: Json,
+    planner: bool,
     state: Arc<Mutex<State>>,
     /// Dropping it ends the thread.
     _end: SyncSender<()>,
@@ -155,6 +186,18 @@ impl Presence {
     /// # Errors
     /// When the heartbeat cannot be written: nobody would know of this worker.
     pub(super) fn join(folder: &Path, owner: &Owner, me: &Me) -> Result<Presence, super::StoreError> {
+        Presence::begin(folder.join(FOLDER), owner, me, false)
+    }
+
+    /// Shows workers that come that somebody plans and renders in a folder, until it is dropped.
+    ///
+    /// # Errors
+    /// When the heartbeat cannot be written.
+    pub(super) fn plan(folder: &Path, owner: &Owner, me: &Me) -> Result<Presence, super::StoreError> {
+        Presence::begin(folder.join(PLANNERS), owner, me, true)
+    }
+
+    fn begin(place: PathBuf, owner: &Owner, me: &Me, planner: bool) -> Result<Presence, super::StoreError> {
         let mut facts = owner.json();
         facts["device"] = me.device.key.as_str().into();
         facts["model"] = me.device.model.as_str().into();
@@ -162,7 +205,7 @@ impl Presence {
         facts["job"] = me.job.as_str().into();
         facts["program"] = concat!("lumbre ", env!("CARGO_PKG_VERSION")).into();
         facts["joined"] = utc(SystemTime::now()).into();
-        let file = folder.join(FOLDER).join(format!("{}.json", owner.name()));
+        let file = place.join(format!("{}.json", owner.name()));
         let first = State { doing: Doing::Waiting, since: utc(SystemTime::now()), changed: false };
         write::atomic(&file, text(&facts, &first).as_bytes())?;
         let state = Arc::new(Mutex::new(first));
@@ -172,20 +215,19 @@ impl Presence {
             let mut last = Instant::now();
             while ended.recv_timeout(GLANCE) == Err(RecvTimeoutError::Timeout) {
                 let mut state = lock(&beating);
-                if state.changed || last.elapsed() >= HEARTBEAT {
+                let left = matches!(state.doing, Doing::Left(_));
+                if !left && (state.changed || last.elapsed() >= HEARTBEAT) {
                     state.changed = false;
-                    let text = text(&facts_too, &state);
-                    drop(state);
                     last = Instant::now();
-                    // A beat that is missed costs nothing yet.
-                    let _ = write::atomic(&into, text.as_bytes());
+                    // A beat that is missed costs nothing yet. The lock is kept, so that none comes after the word that it left.
+                    let _ = write::atomic(&into, text(&facts_too, &state).as_bytes());
                 }
             }
         };
         if let Err(e) = std::thread::Builder::new().name("heartbeat".to_owned()).spawn(beat) {
             tracing::warn!("others will not see that this worker is alive: {e}");
         }
-        Ok(Presence { file, facts, state, _end: end })
+        Ok(Presence { file, facts, planner, state, _end: end })
     }
 
     /// Says what the worker does; others know within seconds, and at once that it left.
@@ -196,12 +238,20 @@ impl Presence {
         }
         let leaves = matches!(doing, Doing::Left(_));
         *state = State { doing, since: utc(SystemTime::now()), changed: !leaves };
-        if leaves {
-            let text = text(&self.facts, &state);
-            drop(state);
-            if let Err(e) = write::atomic(&self.file, text.as_bytes()) {
-                tracing::warn!("others will take this worker for lost: {e}");
-            }
+        if leaves && let Err(e) = write::atomic(&self.file, text(&self.facts, &state).as_bytes()) {
+            tracing::warn!("others will take this worker for lost: {e}");
+        }
+    }
+}
+
+impl Drop for Presence {
+    fn drop(&mut self) {
+        if self.planner {
+            let mut state = lock(&self.state);
+            state.doing = Doing::Left(String::new());
+            // What stays is taken for lost, and removed by the next planner.
+            let _ = fs::remove_file(&self.file);
+            let _ = self.file.parent().map(fs::remove_dir);
         }
     }
 }
@@ -249,5 +299,35 @@ mod tests {
         let old = SystemTime::now() - 2 * LEASE;
         fs::File::options().write(true).open(&file).unwrap().set_modified(old).unwrap();
         assert!(find(&owners[1]).is_lost() && !find(&owners[0]).is_lost());
+    }
+
+    #[test]
+    fn a_planner_is_seen_while_it_renders_and_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = Presence::plan(dir.path(), &Owner::here(), &me("a")).unwrap();
+        first.say(Doing::Rendering { run: "ab".to_owned(), path: "depth=2".to_owned() });
+        let seen = crew(dir.path());
+        assert!(seen.len() == 1 && seen[0].planner && seen[0].is_here() && seen[0].device == me("a").device);
+        // One that was killed long ago, and one of a process that is no more.
+        for dead in [false, true] {
+            let lost = Presence::plan(dir.path(), &Owner::here(), &me("b")).unwrap();
+            let file = lost.file.clone();
+            std::mem::forget(lost);
+            if dead {
+                let text = fs::read_to_string(&file).unwrap();
+                let gone = text.replace(&format!(":{}", std::process::id()), ":4294967295");
+                assert_ne!(gone, text);
+                fs::write(&file, gone).unwrap();
+            } else {
+                let old = SystemTime::now() - 2 * LEASE;
+                fs::File::options().write(true).open(&file).unwrap().set_modified(old).unwrap();
+            }
+            assert_eq!(crew(dir.path()).len(), 2);
+            sweep_planners(dir.path());
+            assert!(!file.exists());
+        }
+        assert_eq!(crew(dir.path()).len(), 1, "who lives stays");
+        drop(first);
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 }

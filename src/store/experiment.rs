@@ -1,6 +1,6 @@
 //! The folder of one experiment: found or made, shared, and written to.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use super::journal::Journal;
 use super::marks::Marks;
 use super::run::{RunWriter, pretty};
 use super::worker::Aboard;
-use super::{Host, StoreError, cell_json, layout, mount, parts, plan_json, sums, utc, write};
+use super::{Host, StoreError, cell_json, crew, layout, mount, parts, plan_json, sums, utc, write};
 use crate::experiment::event::{FinishedRun, History, Save};
 use crate::experiment::floors::HalfImages;
 use crate::experiment::parts::{Part, Piece};
@@ -38,6 +38,8 @@ pub struct Store {
     pub(super) aboard: Option<Aboard>,
     /// Which slot of the checkpoints of a run is next, by run id.
     pub(super) turns: RefCell<BTreeMap<String, Turn>>,
+    /// Whether the last claim found the disk full.
+    pub(super) full: Cell<bool>,
     /// Shared by all who work here.
     pub(super) _lock: File,
 }
@@ -75,9 +77,11 @@ impl Store {
             tracing::warn!("{} cannot be shared: {e}", folder.display());
         }
         let archive = Archive::for_experiment(out, &folder, decode);
+        crew::sweep_planners(&folder);
         let turns = RefCell::default();
         let out = out.to_owned();
-        let store = Store { folder, out, archive, journal, claims, aboard: None, turns, _lock: lock };
+        let store =
+            Store { folder, out, archive, journal, claims, aboard: None, turns, full: Cell::default(), _lock: lock };
         store.mend(plan)?;
         Ok(store)
     }
@@ -250,6 +254,27 @@ impl Store {
     }
 }
 
+impl Store {
+    /// What came of asking for a claim. One that finds no space is nobody's for now, and is asked for again, as is one that
+    /// another process holds.
+    pub(super) fn with_space(&self, claim: Result<Claim, StoreError>) -> Result<Claim, SinkError> {
+        match claim {
+            Err(error) if error.is_full() => {
+                if !self.full.replace(true) {
+                    tracing::error!("the disk is full, and the night waits for space: {error}");
+                }
+                Ok(Claim::Theirs("none that could be claimed on a full disk".to_owned()))
+            }
+            claim => {
+                if self.full.replace(false) {
+                    tracing::info!("there is space again; the night goes on");
+                }
+                claim.map_err(|e| SinkError(e.to_string()))
+            }
+        }
+    }
+}
+
 impl History for Store {
     fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
         self.archive.done(plan, cell)
@@ -272,10 +297,10 @@ impl History for Store {
     }
 
     fn claim(&self, plan: &Plan, piece: Piece) -> Result<Claim, SinkError> {
-        if let Some(apart) = self.aboard.as_ref().and_then(|aboard| aboard.apart(plan, piece.cell()).transpose()) {
-            return apart.map_err(|e| SinkError(e.to_string()));
-        }
-        self.claims.take(&self.piece(plan, piece).0).map_err(|e| SinkError(e.to_string()))
+        let apart = self.aboard.as_ref().and_then(|aboard| aboard.apart(plan, piece.cell()).transpose());
+        let place = self.piece(plan, piece).0;
+        let apart = apart.map(|claim| claim.map_err(|e| StoreError::io("bind a comparison for", &place, &e)));
+        self.with_space(apart.unwrap_or_else(|| self.claims.take(&place)))
     }
 
     fn holds(&self, plan: &Plan, piece: Piece) -> bool {

@@ -3,7 +3,8 @@
 //! ```text
 //! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
 //!   experiment.lua plan.json frozen.json env.json journal.jsonl lock summary.csv figures/ tables/
-//!   workers/ finished/ bonds/    of nights with workers: heartbeats and journals, marks, devices of comparisons
+//!   bonds/ planners/             the device of every comparison; who planned and renders now
+//!   workers/ finished/           of nights with workers: heartbeats and journals, marks
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.{exr,png} final.exr final.png
 //!                                    films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png half-{a,b}.exr noise.exr ref.json

@@ -289,6 +289,21 @@ fn a_second_process_works_on_what_the_first_does_not() {
 }
 
 #[test]
+fn a_claim_that_finds_no_space_is_asked_for_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path(), &plan("night", "3f9a00", &["aa11"]), decode).unwrap();
+    for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded] {
+        let full = StoreError::io("claim", dir.path(), &kind.into());
+        assert!(matches!(store.with_space(Err(full)).unwrap(), Claim::Theirs(_)));
+        assert!(store.full.get());
+        assert_eq!(store.with_space(Ok(Claim::Ours)).unwrap(), Claim::Ours);
+        assert!(!store.full.get());
+    }
+    let denied = StoreError::io("claim", dir.path(), &ErrorKind::PermissionDenied.into());
+    assert!(store.with_space(Err(denied)).is_err());
+}
+
+#[test]
 fn references_are_shared_and_decoded() {
     let dir = tempfile::tempdir().unwrap();
     let mut plan = plan("night", "3f9a00", &[]);

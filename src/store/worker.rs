@@ -1,6 +1,6 @@
-//! A store of one worker among many, in a folder that another process made.
+//! A store of one worker among many, in a folder that another process made, or of the process that made it.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 
 use serde_json::Value as Json;
@@ -27,6 +27,9 @@ const CLOSING: &str = "closing";
 pub(super) struct Aboard {
     presence: Presence,
     marks: Marks,
+    /// Whether this process made the plan. It looks at every file of what it takes as done, and marks nothing but what
+    /// failed.
+    planner: bool,
     bonds: Bonds,
     /// The comparison of every cell of the plan.
     groups: Vec<String>,
@@ -48,14 +51,23 @@ impl Store {
         let journal = RefCell::new(Journal::open(claims.own_journal(home)?)?);
         let presence = Presence::join(home, claims.owner(), me)?;
         let archive = Archive::for_worker(&out, home, decode, &plan.name, frozen.elsewhere.clone());
-        let aboard = Aboard {
-            presence,
-            marks: Marks::new(home),
-            bonds: Bonds::new(home, me.device.clone(), me.affinity),
-            groups: plan.cells.iter().map(group).collect(),
-        };
+        let aboard = Aboard::new(home, plan, me, presence, false);
         let turns = RefCell::default();
-        Ok(Store { folder: home.to_owned(), out, archive, journal, claims, aboard: Some(aboard), turns, _lock: guard })
+        let (folder, full) = (home.to_owned(), Cell::default());
+        Ok(Store { folder, out, archive, journal, claims, aboard: Some(aboard), turns, full, _lock: guard })
+    }
+
+    /// Lets workers that come know of this process, which made the plan and renders as well: comparisons that it begins are
+    /// bound to its device, and it leaves those alone that are bound to another's. What failed is open again.
+    ///
+    /// # Errors
+    /// When that cannot be written.
+    pub fn take_part(&mut self, plan: &Plan, me: &Me) -> Result<(), StoreError> {
+        let presence = Presence::plan(&self.folder, self.claims.owner(), me)?;
+        let aboard = Aboard::new(&self.folder, plan, me, presence, true);
+        aboard.marks.forget_failures();
+        self.aboard = Some(aboard);
+        Ok(())
     }
 
     /// What is finished, as its own files say.
@@ -149,9 +161,15 @@ pub struct Stock {
 }
 
 impl Aboard {
+    fn new(home: &Path, plan: &Plan, me: &Me, presence: Presence, planner: bool) -> Aboard {
+        let (marks, bonds) = (Marks::new(home), Bonds::new(home, me.device.clone(), me.affinity));
+        Aboard { presence, marks, planner, bonds, groups: plan.cells.iter().map(group).collect() }
+    }
+
     /// What another worker made of a run, as far as marks tell.
     pub(super) fn settled(&self, plan: &Plan, cell: CellRef, place: &Path) -> Option<Settled> {
         match self.marks.find(&plan.id(cell).0)? {
+            Mark::Done if self.planner => None,
             Mark::Done => Some(Settled::Done(place.to_owned())),
             // A mark without a record is from before the run was tried again.
             Mark::Failed => failure::read(place).map(|record| Settled::Failed(record.reason)),
@@ -175,21 +193,24 @@ impl Aboard {
     pub(super) fn mark(&self, plan: &Plan, cell: CellRef, place: &Path) {
         let run = &plan.id(cell).0;
         if ["done.json", "ref.json"].iter().any(|name| place.join(name).is_file()) {
-            self.marks.put(run, Mark::Done);
+            if !self.planner {
+                self.marks.put(run, Mark::Done);
+            }
         } else if failure::read(place).is_some() {
             self.marks.put(run, Mark::Failed);
         }
     }
 
-    /// Hears what is written into the journal, and returns the name under which it is: a worker begins and ends no night.
+    /// Hears what is written into the journal, and returns the name under which it is: who did not make the plan begins and
+    /// ends no night.
     pub(super) fn tell<'a>(&self, event: &'a str, fields: &Json) -> &'a str {
         let text = |key: &str| fields[key].as_str().unwrap_or_default().to_owned();
         match event {
             "cell_started" => self.presence.say(Doing::Rendering { run: text("run"), path: text("path") }),
             "part_started" => self.presence.say(Doing::Rendering { run: text("run"), path: text("words") }),
             "cell_finished" | "part_finished" => self.presence.say(Doing::Waiting),
-            "night_started" => return "worker_started",
-            "night_finished" => return "worker_finished",
+            "night_started" if !self.planner => return "worker_started",
+            "night_finished" if !self.planner => return "worker_finished",
             _ => {}
         }
         event

@@ -1,6 +1,7 @@
 //! The night that all of these tests render, and what of it must be the same wherever it was.
 
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
 use super::workplace::Workplace;
 
@@ -87,4 +88,13 @@ pub fn finished_once(place: &Workplace, home: &str, killed: usize) {
 pub fn home(place: &Workplace, out: &str) -> String {
     let link = std::fs::read_link(place.path(&format!("{out}/latest"))).unwrap();
     format!("{out}/{}", link.display())
+}
+
+/// Waits until something is so. Long enough for a machine that does everything else at the same time.
+pub fn until(what: &str, mut is: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is() {
+        assert!(start.elapsed() < Duration::from_secs(180), "waited too long for {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
 }

@@ -1,10 +1,9 @@
 //! References in parts: the same bytes whoever renders them, and whatever happens to one of them.
 
 use std::collections::BTreeMap;
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, Command, Stdio};
 
-use super::night::{differing, evidence, home};
+use super::night::{differing, evidence, home, until};
 use super::workplace::Workplace;
 
 /// One cell on the processor, and a reference with splats in so many parts.
@@ -52,6 +51,13 @@ fn start(place: &Workplace, home: &str) -> Child {
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
+/// Sends a signal to all workers.
+fn send(workers: &[Child], signal: &str) {
+    for worker in workers {
+        assert!(Command::new("kill").args([signal, &worker.id().to_string()]).status().unwrap().success());
+    }
+}
+
 #[test]
 fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever_dies() {
     let place = Workplace::new();
@@ -69,13 +75,24 @@ fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever
     let begun = || {
         let journals = place.files(&format!("{home}/workers")).into_iter().filter(|file| file.ends_with(".jsonl"));
         let at_work = journals.filter(|file| place.read(file).contains("part_started")).count();
-        at_work >= 2 && place.files("out/refs/parts").iter().any(|file| file.contains("/ckpt."))
+        let there = place.files("out/refs/parts");
+        let open = |file: &String| {
+            let folder = file.split_once("/ckpt.").map(|(folder, _)| folder);
+            folder.is_some_and(|folder| !there.contains(&format!("{folder}/sums")))
+        };
+        at_work >= 2 && there.iter().any(open)
     };
-    let since = Instant::now();
-    while !begun() {
-        assert!(since.elapsed() < Duration::from_secs(60), "nobody renders a part");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    // What is seen of workers that stand still is still so when they die.
+    until("a part in its middle", || {
+        begun() && {
+            send(&workers, "-STOP");
+            let stays = begun();
+            if !stays {
+                send(&workers, "-CONT");
+            }
+            stays
+        }
+    });
     for worker in &mut workers {
         worker.kill().unwrap();
         worker.wait().unwrap();

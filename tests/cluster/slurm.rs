@@ -106,10 +106,10 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
     assert!(status.contains("3 here, 0 lost") && status.contains("RUNNING"), "{status}");
 
     // One dies, one is taken from its node and queued again, one comes to the end of its time; and the node closes.
-    let victim = rendering(0).map(|pid| pid.to_string());
-    if let Some(pid) = victim {
-        assert!(Command::new("kill").args(["-9", &pid]).status().unwrap().success());
-    }
+    // Between two cells a worker renders nothing.
+    until(&place, &home, "a victim", || {
+        rendering(0).is_some_and(|pid| Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success())
+    });
     slurm.ask(&format!("scontrol requeue {}", task(1)));
     let host = slurm.ask("sinfo --noheader --format=%n").trim().to_owned();
     slurm.ask(&format!("scontrol update nodename={host} state=drain reason=dust"));

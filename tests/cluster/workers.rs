@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
 
-use super::night::{differing, evidence, finished, finished_once, home, script};
+use super::night::{differing, evidence, finished, finished_once, home, script, until};
 use super::workplace::Workplace;
 
 /// The library that shows a process another time.
@@ -25,14 +24,6 @@ fn start(place: &Workplace, home: &str, skew: &str, locks: bool) -> Child {
         command.env("LUMBRE_LOCKS", "none");
     }
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit()).spawn().unwrap()
-}
-
-fn until(what: &str, mut is: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !is() {
-        assert!(start.elapsed() < Duration::from_secs(120), "waited too long for {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 fn night_of(locks: bool) {
@@ -76,11 +67,15 @@ fn workers_without_locks_share_a_night() {
 #[test]
 fn a_worker_that_is_asked_to_leave_says_so_and_is_followed_by_another() {
     let place = Workplace::new();
-    place.write("crew.lua", &script(300));
+    place.write("crew.lua", &script(1500));
     place.run(&["submit", "hq", "crew.lua", "-q"]);
     let home = home(&place, "out");
     let mut first = start(&place, &home, "+0", true);
-    until("the first run", || !finished(&place, &home).is_empty());
+    // Asked at its first cell it has the whole night before it, however late the signal comes.
+    until("the first cell", || {
+        let journals = place.files(&home).into_iter().filter(|file| file.ends_with(".jsonl"));
+        journals.into_iter().any(|file| place.read(&file).contains("\"cell_started\""))
+    });
     let kill = std::process::Command::new("kill").args(["-s", "USR1", &first.id().to_string()]).status().unwrap();
     assert!(kill.success());
     assert_eq!(first.wait().unwrap().code(), Some(75));

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::source::text;
+use super::source::{root, text};
 
 /// Names in the dependency sections of `Cargo.toml`.
 fn declared() -> BTreeSet<String> {
@@ -45,4 +45,40 @@ fn every_reason_says_what_would_be_hand_written() {
         assert_eq!(cells.len(), 3, "{line}");
         assert!(cells.iter().all(|c| !c.is_empty()), "{line}");
     }
+}
+
+/// `1.95` or `1.95.0` as numbers.
+fn version(text: &str) -> Vec<u32> {
+    let numbers: Vec<u32> =
+        text.split('.').map(|n| n.parse().unwrap_or_else(|_| panic!("{text} is a version"))).collect();
+    numbers.into_iter().take(2).collect()
+}
+
+/// The oldest Rust that is promised builds every dependency, and the documents and recipes name that one.
+#[test]
+fn the_rust_that_is_asked_for_is_new_enough_for_every_dependency() {
+    let manifest = text("Cargo.toml");
+    let ours = manifest.lines().find_map(|line| line.strip_prefix("rust-version = \"")?.strip_suffix('"')).unwrap();
+    let named = format!("rust:{ours}-bookworm");
+    for recipe in ["containers/Dockerfile", "containers/lumbre.def"] {
+        assert!(text(recipe).contains(&named), "{recipe} does not build with {named}");
+    }
+    assert!(
+        text("README.md").contains(&format!("Rust {ours} or newer")),
+        "README.md promises another Rust than {ours}"
+    );
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let mut asked = std::process::Command::new(cargo);
+    // What other systems need may not be on this one.
+    asked.args(["metadata", "--locked", "--format-version", "1", "--filter-platform", "x86_64-unknown-linux-gnu"]);
+    let answer = asked.current_dir(root()).output().unwrap();
+    if !answer.status.success() {
+        return println!("SKIPPED: cargo knows not all packages: {}", String::from_utf8_lossy(&answer.stderr));
+    }
+    let json: serde_json::Value = serde_json::from_slice(&answer.stdout).unwrap();
+    let packages = json["packages"].as_array().unwrap();
+    assert!(packages.len() > 100, "{} packages", packages.len());
+    let newer = packages.iter().filter_map(|package| Some((&package["name"], package["rust_version"].as_str()?)));
+    let newer: Vec<_> = newer.filter(|(_, needed)| version(needed) > version(ours)).collect();
+    assert!(newer.is_empty(), "Cargo.toml promises Rust {ours}, which does not build {newer:?}");
 }

@@ -29,6 +29,9 @@ pub struct WorkArgs {
     /// What all techniques of a scene and depth share: one `device`, one `model` of device, or `none` of it
     #[arg(long, value_name = "WHAT", default_value = "device", value_parser = affinity)]
     pub affinity: Affinity,
+    /// Leave with a checkpoint when standard input ends: with the process that started this one
+    #[arg(long, hide = true)]
+    pub while_stdin: bool,
 }
 
 /// `lumbre submit`.
@@ -77,6 +80,10 @@ pub struct SlurmArgs {
     /// What all techniques of a scene and depth share: one `device`, one `model` of device, or `none` of it
     #[arg(long, value_name = "WHAT", default_value = "device", value_parser = affinity)]
     pub affinity: Affinity,
+    /// What starts this program on the nodes, as a shell's words: "apptainer exec --nv /apps/lumbre.sif lumbre" [default: the
+    /// path of the program that submits]
+    #[arg(long, value_name = "COMMAND")]
+    pub program: Option<String>,
     /// Print the job's script; write and submit nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -92,7 +99,8 @@ pub struct CancelArgs {
     pub folder: Option<PathBuf>,
 }
 
-fn affinity(text: &str) -> Result<Affinity, String> {
+/// What of a comparison stays together, as it is typed.
+pub(super) fn affinity(text: &str) -> Result<Affinity, String> {
     let known = Affinity::ALL.into_iter().find(|affinity| affinity.word() == text);
     known.ok_or_else(|| format!("expected device, model or none, found `{text}`"))
 }

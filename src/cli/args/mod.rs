@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand};
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
 pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, TraceArgs, ViewArgs};
 
+use crate::experiment::groups::Affinity;
 use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
 use crate::value::Value;
@@ -241,6 +242,13 @@ pub struct NightArgs {
     /// Leave out the smoke pass, which tries one small sample of every cell before the night begins
     #[arg(long)]
     pub no_smoke: bool,
+    /// Render on these graphics devices, with a worker for each: their indices or parts of their names, as `lumbre doctor`
+    /// lists them [default: every one of the model of the first, or the one that LUMBRE_DEVICE names]
+    #[arg(long, value_name = "DEVICE,DEVICE", value_delimiter = ',')]
+    pub devices: Vec<String>,
+    /// What all techniques of a scene and depth share: one `device`, one `model` of device, or `none` of it
+    #[arg(long, value_name = "WHAT", default_value = "device", value_parser = cluster::affinity)]
+    pub affinity: Affinity,
 }
 
 /// `lumbre retry`.

@@ -12,6 +12,9 @@ use crate::store::{StoreError, atomic, utc};
 const FOLDER: &str = "job";
 const RECORD: &str = "job.json";
 
+/// How long before its time limit a worker is asked to leave, as `--signal=B:USR1@120` has it.
+const NOTICE_S: u64 = 120;
+
 /// What hands out jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -92,6 +95,11 @@ pub fn script_file(home: &Path, kind: Kind) -> PathBuf {
     home.join(FOLDER).join(format!("{}.sh", kind.word()))
 }
 
+/// Where a worker that no queue started leaves what it says.
+pub fn log_file(home: &Path, name: &str) -> PathBuf {
+    home.join(FOLDER).join(format!("{name}.log"))
+}
+
 /// What a job's script is made of.
 pub struct Sheet<'a> {
     /// The experiment's name.
@@ -138,6 +146,7 @@ impl Sheet<'_> {
         out += &self.body(
             "# Two minutes before the time limit Slurm sends USR1 to this script. The worker then leaves with a checkpoint\n\
              # and exit code 75, and the job is queued again, to go on from there.\n",
+            "",
             // The job's own number may be that of the whole array.
             "if [ \"$again\" = 1 ] && [ \"$stopped\" = 0 ]; then\n  exec scontrol requeue \"${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID\"\nfi\n",
         );
@@ -154,21 +163,27 @@ impl Sheet<'_> {
         };
         option(format!("--name=lumbre-{}", self.name));
         option(format!("--array=0-{}", self.args.workers - 1));
-        option(format!("--time-limit={}", self.args.time));
+        let limit_s = seconds(&self.args.time);
+        // What has no unit, or days, means something else there.
+        option(format!("--time-limit={limit_s}s"));
         if self.gpus > 0 {
             option(format!("--resource gpus/nvidia={}", self.gpus));
         }
         option(format!("--stdout={}", logs("out").display()));
         option(format!("--stderr={}", logs("log").display()));
+        let notice_s = limit_s.saturating_sub(NOTICE_S).max(limit_s / 2);
         out += &self.body(
-            "# HyperQueue starts what it lost again. What ended at its time limit goes on when the night is submitted again.\n",
-            "",
+            "# HyperQueue starts what it lost again. It gives a second's notice of its time limit, too little for a large\n\
+             # checkpoint; so this script gives notice itself, two minutes before. The worker then leaves with exit code 75,\n\
+             # and the night goes on when it is submitted again.\n",
+            &format!("(sleep {notice_s} & trap \"kill $!\" TERM; wait $! && kill -s USR1 $$) &\nnotice=$!\n"),
+            "kill \"$notice\" 2>/dev/null\n",
         );
         out
     }
 
-    /// What every job does: its workers, signals, and exit code.
-    fn body(&self, about: &str, again: &str) -> String {
+    /// What every job does: its workers, signals, and exit code. `first` comes before its workers, `last` when all have ended.
+    fn body(&self, about: &str, first: &str, last: &str) -> String {
         let device = if self.gpus > 1 { " --device \"$device\"" } else { "" };
         let processes = self.gpus.max(1) - 1;
         let affinity = self.args.affinity.word();
@@ -177,15 +192,15 @@ impl Sheet<'_> {
 # One worker of a night of Lumbre, for each device. It takes cells that nobody works on until all are done. Any
 # number of these may come and go; the folder knows what is finished, and no job is needed for another.
 {about}set -u
-lumbre={program}
+lumbre=({program})
 night={night}
 
 workers=() again=0 stopped=0 worst=0
 trap 'kill -s USR1 "${{workers[@]}}" 2>/dev/null' USR1
 # Whoever takes the job back ends its workers too; this script only waits for their checkpoints.
 trap 'stopped=1' TERM
-for device in $(seq 0 {processes}); do
-  "$lumbre" work "$night" --no-tui --affinity {affinity}{device} &
+{first}for device in $(seq 0 {processes}); do
+  "${{lumbre[@]}}" work "$night" --no-tui --affinity {affinity}{device} &
   workers+=($!)
 done
 for worker in "${{workers[@]}}"; do
@@ -195,13 +210,26 @@ for worker in "${{workers[@]}}"; do
   code=$?
   if [ "$code" = 75 ]; then again=1; elif [ "$code" -gt "$worst" ]; then worst=$code; fi
 done
-{again}if [ "$again" = 1 ]; then worst=75; fi
+{last}if [ "$again" = 1 ]; then worst=75; fi
 exit "$worst"
 "#,
-            program = quoted(self.program),
+            program = self.args.program.clone().unwrap_or_else(|| quoted(self.program)),
             night = quoted(self.home),
         )
     }
+}
+
+/// Seconds of a time as Slurm writes it: minutes, MM:SS, HH:MM:SS, D-HH, D-HH:MM or D-HH:MM:SS.
+fn seconds(time: &str) -> u64 {
+    let (days, rest) = time.split_once('-').map_or((None, time), |(days, rest)| (Some(days), rest));
+    let number = |text: &str| text.parse::<u64>().unwrap_or(u64::MAX);
+    let parts: Vec<u64> = rest.split(':').map(number).collect();
+    let units: &[u64] = match (days, parts.len()) {
+        (Some(_), _) | (None, 3) => &[3600, 60, 1],
+        (None, _) => &[60, 1],
+    };
+    let rest = parts.iter().zip(units).fold(0u64, |sum, (n, unit)| sum.saturating_add(n.saturating_mul(*unit)));
+    rest.saturating_add(days.map_or(0, |days| number(days).saturating_mul(86_400)))
 }
 
 /// A path as a word of a shell's command.
@@ -245,7 +273,28 @@ mod tests {
         let text = sheet("lumbre submit slurm a.lua --affinity none", Kind::Slurm, 0);
         assert!(!text.contains("gres") && !text.contains("--device") && text.contains("--affinity none"), "{text}");
         let text = sheet("lumbre submit hq a.lua --workers 3", Kind::Hq, 1);
+        assert!(text.contains("\nlumbre=('/opt/lumbre')\n"), "{text}");
+        let cli = ["lumbre", "submit", "hq", "a.lua", "--program", "apptainer exec /apps/lumbre.sif lumbre"];
+        let Verb::Submit(submit) = Cli::try_parse_from(cli).unwrap().verb else { panic!("{cli:?}") };
+        let (home, program) = (Path::new("/night"), Path::new("/opt/lumbre"));
+        let contained = Sheet { name: "night", home, program, gpus: 0, args: submit.to.job() }.text(Kind::Hq);
+        assert!(contained.contains("\nlumbre=(apptainer exec /apps/lumbre.sif lumbre)\n"), "{contained}");
+        let text = sheet("lumbre submit hq a.lua --workers 3", Kind::Hq, 1);
         assert!(text.contains("#HQ --array=0-2\n") && !text.contains("SBATCH") && !text.contains("scontrol"), "{text}");
+    }
+
+    #[test]
+    fn the_other_queue_is_told_seconds_and_given_notice_by_the_script() {
+        let text = sheet("lumbre submit hq a.lua --workers 3 --time 2-12", Kind::Hq, 1);
+        assert!(text.contains("#HQ --time-limit=216000s\n") && text.contains("(sleep 215880 &"), "{text}");
+        let text = sheet("lumbre submit hq a.lua --time 3:00", Kind::Hq, 0);
+        assert!(text.contains("#HQ --time-limit=180s\n") && text.contains("(sleep 90 &"), "{text}");
+        assert!(!sheet("lumbre submit slurm a.lua", Kind::Slurm, 0).contains("sleep"));
+        let times = [("30", 1800), ("10:30", 630), ("08:00:01", 28_801), ("2-12", 216_000), ("1-00:30", 88_200)];
+        for (text, expected) in times {
+            assert_eq!(seconds(text), expected, "{text}");
+        }
+        assert_eq!(seconds("1-00:30:05"), 88_205);
     }
 
     #[test]

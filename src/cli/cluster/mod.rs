@@ -1,6 +1,7 @@
 //! Nights on many machines: plans that are frozen for others, workers that take part, and the jobs that start them.
 
 mod frozen;
+mod hands;
 mod job;
 mod queue;
 mod roll;
@@ -8,6 +9,7 @@ mod submit;
 mod work;
 
 pub use frozen::freeze;
+pub use hands::Hands;
 pub use roll::Roll;
 pub use submit::{cancel, submit};
-pub use work::work;
+pub use work::{me, say_apart, work};

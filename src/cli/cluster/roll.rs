@@ -28,9 +28,9 @@ impl Roll {
         Roll { workers: crew(home), tasks, notes }
     }
 
-    /// Whether there is anything to say.
+    /// Whether there is anything to say: a night that one process renders alone has no workers.
     pub fn is_empty(&self) -> bool {
-        self.workers.is_empty() && self.tasks.is_empty() && self.notes.is_empty()
+        self.workers.iter().all(|worker| worker.planner) && self.tasks.is_empty() && self.notes.is_empty()
     }
 
     /// Every job with the worker that was heard of last in it, and every worker without a job; those that left by hand
@@ -119,7 +119,7 @@ mod tests {
     fn worker(job: &str, age_s: f64, doing: Doing) -> Worker {
         let device = Device { key: "n1".to_owned(), model: "lens".to_owned() };
         let (name, host) = (format!("{job}{age_s}"), "n1".to_owned());
-        Worker { name, host, process: 7, device, job: job.to_owned(), doing, age_s }
+        Worker { name, planner: false, host, process: 7, device, job: job.to_owned(), doing, age_s }
     }
 
     #[test]

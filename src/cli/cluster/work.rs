@@ -48,7 +48,7 @@ pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure
         ))
     })?;
     let Thawed { script, plan, frozen } = thaw(&home, global)?;
-    let me = Me { device: device_of(&plan), affinity: args.affinity, job: job() };
+    let me = me(&plan, args.affinity);
     let store = Store::join(&home, &plan, &frozen, decode, &me).map_err(Failure::usage)?;
     let worker = Worker { script: &script, plan: &plan, store: &store, global, log, args };
     let ended = worker.work();
@@ -57,6 +57,33 @@ pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure
         Err(failure) => failure.report.to_string(),
     });
     ended
+}
+
+/// What this process says of itself to those that work on the same plan.
+pub fn me(plan: &Plan, affinity: Affinity) -> Me {
+    Me { device: device_of(plan), affinity, job: job() }
+}
+
+/// Says which cells a night left to workers with other devices.
+pub fn say_apart(plan: &Plan, night: &NightSummary) {
+    if let Some((cell, why)) = night.apart.first() {
+        let (cells, name) = (counted(night.apart.len(), "cell"), plan.id(*cell));
+        talk(&format!(
+            "{cells} left to others, the first of them {name}: {why} (--affinity none renders them all the same, where \
+             times are of no interest)"
+        ));
+    }
+}
+
+/// Asks a night to stop when standard input ends.
+fn stop_with_stdin(control: &Arc<Control>) -> std::io::Result<()> {
+    let control = Arc::clone(control);
+    let listen = move || {
+        // Nobody says anything; what cannot be read has ended too.
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        control.request_stop();
+    };
+    std::thread::Builder::new().name("stdin".to_owned()).spawn(listen).map(drop)
 }
 
 /// Why a worker leaves.
@@ -120,6 +147,9 @@ impl Worker<'_> {
         let control = Arc::new(Control::default());
         let heard = signals::listen(Arc::clone(&control), tui::guard::give_back_now)
             .map_err(|e| Failure::internal(format!("cannot listen to signals: {e}")))?;
+        if self.args.while_stdin {
+            stop_with_stdin(&control).map_err(Failure::internal)?;
+        }
         let options = self.options()?;
         // Cells whose scenes or devices this worker lacks would all fail one after the other.
         for _ in 0..ROUNDS {
@@ -128,12 +158,8 @@ impl Worker<'_> {
                 self.say(|| "leaves with a checkpoint; the same command goes on".to_owned());
                 return Ok(heard.exit());
             }
-            if let Some((cell, why)) = night.apart.first() {
-                let name = self.plan.id(*cell);
-                talk(&format!(
-                    "{} left to others, the first of them {name}: {why}",
-                    counted(night.apart.len(), "cell")
-                ));
+            if !night.apart.is_empty() {
+                say_apart(self.plan, &night);
                 return Ok(Exit::WorkLeft);
             }
             if night.results.len() < self.plan.cells.len() + self.plan.references.len() && self.is_narrowed(&options) {

@@ -35,7 +35,7 @@ pub struct Caps {
     pub pipeline: bool,
     /// Ray queries.
     pub query: bool,
-    /// Atomic addition of floats in buffers.
+    /// Atomic addition of floats in buffers, unless whole numbers are asked for.
     pub float_atomics: bool,
     /// Numbers of double precision in shaders.
     pub doubles: bool,
@@ -79,6 +79,8 @@ pub struct DeviceInfo {
     pub limits: Limits,
     /// Names its pipeline cache: changes with device and driver.
     pub cache_key: String,
+    /// Tells it from every other device of this machine, by whatever driver.
+    uuid: [u8; vk::UUID_SIZE],
     physical: vk::PhysicalDevice,
     queue_family: u32,
 }
@@ -87,6 +89,18 @@ impl DeviceInfo {
     /// A line for people.
     pub fn line(&self) -> String {
         format!("{} ({})", self.name, self.driver)
+    }
+
+    /// Those of the listed devices that are of the model of this one, and other pieces of hardware: a device that two
+    /// drivers, or two entries of one driver, list twice counts once, and programs on the processor share it.
+    pub fn alike(&self, listed: &[DeviceInfo]) -> Vec<usize> {
+        let mut seen = vec![self.uuid];
+        let mut fits = |other: &&DeviceInfo| {
+            let fits = !self.software && other.line() == self.line() && !seen.contains(&other.uuid);
+            seen.push(other.uuid);
+            fits
+        };
+        listed.iter().filter(|other| fits(other)).map(|other| other.index).collect()
     }
 }
 
@@ -117,9 +131,10 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
     let (has_query, has_atomics) = (has(khr::ray_query::NAME), has(ext::shader_atomic_float::NAME));
 
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut identity = vk::PhysicalDeviceIDProperties::default();
     let mut pipeline_limits = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
     let mut accel_limits = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut identity);
     if has_pipeline {
         properties = properties.push_next(&mut pipeline_limits);
     }
@@ -160,7 +175,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
         addresses: vulkan12.buffer_device_address == vk::TRUE,
         pipeline: traces && pipeline.ray_tracing_pipeline == vk::TRUE,
         query: traces && query.ray_query == vk::TRUE,
-        float_atomics: atomics.shader_buffer_float32_atomic_add == vk::TRUE,
+        float_atomics: atomics.shader_buffer_float32_atomic_add == vk::TRUE && !choice::whole_splats(),
         doubles,
     };
     // SAFETY: as above.
@@ -188,6 +203,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
         caps,
         limits,
         cache_key: format!("{:04x}-{:04x}-{uuid}", core.vendor_id, core.device_id),
+        uuid: identity.device_uuid,
         physical,
         queue_family: queue_family as u32,
     })
@@ -199,23 +215,29 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
 /// When there is no loader, no device, or none of that name.
 pub fn choose() -> Result<DeviceInfo, VulkanError> {
     let devices = list()?;
-    let names = || devices.iter().map(|d| format!("{} {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
     if let Some(wanted) = choice::device(DEVICE_VARIABLE) {
-        let lower = wanted.to_lowercase();
-        let fits = |d: &&DeviceInfo| {
-            wanted.parse() == Ok(d.index)
-                || (wanted.parse::<usize>().is_err() && d.name.to_lowercase().contains(&lower))
-        };
-        let found = devices.iter().find(fits).cloned();
-        return found.ok_or_else(|| {
-            VulkanError::NoDevice(format!(
-                "`{wanted}` was asked for (--device, {DEVICE_VARIABLE}); there are: {}",
-                names()
-            ))
-        });
+        return find(&devices, &wanted).cloned();
     }
     let first = devices.iter().find(|d| !d.software).or(devices.first()).cloned();
     first.ok_or_else(|| VulkanError::NoDevice("the loader knows none with Vulkan 1.2 and compute".to_owned()))
+}
+
+/// The listed device of an index, or the first with a name of which this is a part.
+///
+/// # Errors
+/// When there is none; the message lists those that there are.
+pub fn find<'a>(devices: &'a [DeviceInfo], wanted: &str) -> Result<&'a DeviceInfo, VulkanError> {
+    let lower = wanted.to_lowercase();
+    let fits = |d: &&DeviceInfo| {
+        wanted.parse() == Ok(d.index) || (wanted.parse::<usize>().is_err() && d.name.to_lowercase().contains(&lower))
+    };
+    devices.iter().find(fits).ok_or_else(|| {
+        let names: Vec<String> = devices.iter().map(|d| format!("{} {}", d.index, d.name)).collect();
+        VulkanError::NoDevice(format!(
+            "`{wanted}` was asked for (--device, --devices, {DEVICE_VARIABLE}); there are: {}",
+            names.join(", ")
+        ))
+    })
 }
 
 /// An open device with its one queue. Everything made from it keeps it alive.
@@ -516,5 +538,46 @@ impl Drop for Device {
             self.raw.destroy_command_pool(self.pool, None);
             self.raw.destroy_device(None);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listed(index: usize, name: &str, driver: &str, uuid: u8) -> DeviceInfo {
+        DeviceInfo {
+            index,
+            name: name.to_owned(),
+            driver: driver.to_owned(),
+            software: driver == "llvmpipe",
+            caps: Caps::default(),
+            limits: Limits::default(),
+            cache_key: String::new(),
+            uuid: [uuid; vk::UUID_SIZE],
+            physical: vk::PhysicalDevice::null(),
+            queue_family: 0,
+        }
+    }
+
+    #[test]
+    fn devices_of_one_model_are_counted_once_each() {
+        let all = [
+            listed(0, "H200", "NVIDIA 570", 1),
+            listed(1, "llvmpipe", "llvmpipe", 9),
+            listed(2, "H200", "NVIDIA 570", 2),
+            listed(3, "H200", "NVIDIA 570", 1),
+            listed(4, "A100", "NVIDIA 570", 3),
+            listed(5, "H200", "NVK", 4),
+            listed(6, "llvmpipe", "llvmpipe", 8),
+        ];
+        assert_eq!(all[0].alike(&all), [2], "not itself, under whatever number, nor another model or driver");
+        assert_eq!(all[2].alike(&all), [0]);
+        assert!(all[4].alike(&all).is_empty());
+        assert!(all[1].alike(&all).is_empty(), "two programs share one processor");
+        assert_eq!(find(&all, "a100").unwrap().index, 4);
+        assert_eq!(find(&all, "2").unwrap().index, 2);
+        let said = find(&all, "7").unwrap_err().to_string();
+        assert!(said.contains("`7`") && said.contains("4 A100"), "{said}");
     }
 }

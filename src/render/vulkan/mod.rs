@@ -29,9 +29,10 @@ pub mod upload;
 use std::sync::Arc;
 
 use super::paths::{SampleAt, Step};
-use super::{BackendRow, Job, RenderError, Renderer, worker};
+use super::{BackendRow, Job, RenderError, Renderer, choice, worker};
 use crate::scene::CompiledScene;
 use crate::transport::integrator::IntegratorRow;
+use error::VulkanError;
 use program::{Kind, shader_of};
 use renderer::VulkanRenderer;
 use spirv::Sources;
@@ -130,6 +131,33 @@ fn probe(kind: Kind) -> Result<String, String> {
 pub fn place(backend: &str) -> Option<String> {
     Kind::ALL.iter().find(|kind| kind.backend() == backend)?;
     device::choose().ok().map(|device| device.index.to_string())
+}
+
+/// The places of further devices of this machine of the model that one of these backends renders on. None where a device
+/// was named: that one is meant alone.
+pub fn alike(backend: &str) -> Vec<String> {
+    if Kind::ALL.iter().all(|kind| kind.backend() != backend) || choice::device(device::DEVICE_VARIABLE).is_some() {
+        return Vec::new();
+    }
+    let found = || Ok::<_, VulkanError>((device::choose()?, device::list()?));
+    found().map_or_else(|_| Vec::new(), |(chosen, all)| chosen.alike(&all).iter().map(usize::to_string).collect())
+}
+
+/// The places of the devices of these names, each once.
+///
+/// # Errors
+/// When there is none of a name, or two names mean one.
+pub fn places(names: &[String]) -> Result<Vec<String>, String> {
+    let all = device::list().map_err(|e| e.to_string())?;
+    let mut places: Vec<String> = Vec::new();
+    for name in names {
+        let place = device::find(&all, name).map_err(|e| e.to_string())?.index.to_string();
+        if places.contains(&place) {
+            return Err(format!("device {place} is named twice"));
+        }
+        places.push(place);
+    }
+    Ok(places)
 }
 
 /// The backend that suits this machine's device, and why; where none does, why not.
