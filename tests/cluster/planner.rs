@@ -39,7 +39,7 @@ fn who_plans_and_renders_shares_comparisons_with_workers_as_workers_do() {
     let mut planner = quietly(place.command(&["run", "crew.lua", "--no-smoke"]));
     let journals = || place.files("out").into_iter().filter(|file| file.ends_with(".jsonl"));
     until("the planner's first cell", || {
-        place.path("out/latest").exists() && !std::fs::read_dir(place.path("out/latest/bonds")).is_err()
+        place.path("out/latest").exists() && std::fs::read_dir(place.path("out/latest/bonds")).is_ok()
     });
     let home = home(&place, "out");
     assert!(!place.path(&format!("{home}/workers")).exists(), "a night of one process has no workers");
