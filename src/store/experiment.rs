@@ -87,11 +87,11 @@ impl Store {
         let cells = (0..plan.cells.len()).map(CellRef::Cell);
         for cell in cells.chain((0..plan.references.len()).map(CellRef::Reference)) {
             let folder = self.place(plan, cell);
-            let path = folder.join("config.json");
-            let Ok(found) = fs::read(&path) else { continue };
-            if folder.join("done.json").is_file() {
+            if layout::is_done(&folder) {
                 self.tidy(&folder);
             }
+            let path = folder.join("config.json");
+            let Ok(found) = fs::read(&path) else { continue };
             let config = cell_json(plan, cell);
             let known = serde_json::from_slice::<Json>(&found).unwrap_or_default();
             // A run may be another plan's too, and a reference another experiment's, which call it otherwise.
@@ -106,13 +106,14 @@ impl Store {
     }
 
     /// Removes what a process that died in the moment of finishing a run left beside its last file.
-    fn tidy(&self, folder: &Path) {
+    pub(super) fn tidy(&self, folder: &Path) {
         if folder.join(claim::FILE).exists() && matches!(self.claims.take(folder), Ok(Claim::Ours)) {
             self.claims.release(folder);
         }
         if checkpoint::SLOTS.iter().any(|slot| folder.join(slot).exists()) {
             checkpoint::remove(folder);
         }
+        failure::forget(folder);
     }
 
     /// The experiment's folder.
