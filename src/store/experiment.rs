@@ -26,6 +26,9 @@ use crate::experiment::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
 
+/// Where results are written in an experiment's folder, besides the folders of runs.
+const WRITTEN: [&str; 3] = ["", "figures", "tables"];
+
 /// An experiment's folder, in which any number of processes work at once, each on other runs.
 #[derive(Debug)]
 pub struct Store {
@@ -39,7 +42,7 @@ pub struct Store {
     /// Which slot of the checkpoints of a run is next, by run id.
     pub(super) turns: RefCell<BTreeMap<String, Turn>>,
     /// Shared by all who work here.
-    pub(super) _lock: File,
+    pub(super) lock: File,
 }
 
 impl Store {
@@ -54,13 +57,8 @@ impl Store {
         write::probe(out)?;
         let (folder, lock, alone) = home(out, plan)?;
         write::probe(&folder)?;
-        for used in ["", "figures", "tables"] {
-            if alone {
-                write::sweep_temporaries(&folder.join(used));
-            } else {
-                write::sweep_old_temporaries(&folder.join(used));
-            }
-        }
+        let sweep = if alone { write::sweep_temporaries } else { write::sweep_old_temporaries };
+        WRITTEN.iter().for_each(|used| sweep(&folder.join(used)));
         write::if_changed(&folder.join("plan.json"), pretty(&plan_json(plan)).as_bytes())?;
         write::if_changed(&folder.join("experiment.lua"), plan.script_text.as_bytes())?;
         let claims = Claims::new();
@@ -77,7 +75,7 @@ impl Store {
         let archive = Archive::for_experiment(out, &folder, decode);
         let turns = RefCell::default();
         let out = out.to_owned();
-        let store = Store { folder, out, archive, journal, claims, aboard: None, turns, _lock: lock };
+        let store = Store { folder, out, archive, journal, claims, aboard: None, turns, lock };
         store.mend(plan)?;
         Ok(store)
     }
@@ -386,6 +384,16 @@ fn home(out: &Path, plan: &Plan) -> Result<(PathBuf, File, bool), StoreError> {
             }
         }
         digits += 1;
+    }
+}
+
+impl Drop for Store {
+    /// Removes what died here while others worked: the last to leave finds nobody else.
+    fn drop(&mut self) {
+        // Both are of no use where there are no locks.
+        if self.lock.unlock().is_ok() && self.lock.try_lock().is_ok() {
+            WRITTEN.iter().for_each(|used| write::sweep_temporaries(&self.folder.join(used)));
+        }
     }
 }
 

@@ -343,6 +343,22 @@ fn what_died_beside_the_last_file_of_a_run_or_a_reference_goes() {
 }
 
 #[test]
+fn the_last_to_leave_removes_what_others_were_writing_when_they_died() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &[]);
+    let open = || Store::open(dir.path(), &plan, decode).unwrap();
+    let (first, second) = (open(), open());
+    first.write("tables/errors.csv", b"rmse").unwrap();
+    let half = first.folder().join("tables/.lumbre-3kQ.tmp");
+    fs::write(&half, b"rm").unwrap();
+    drop(first);
+    assert!(half.exists(), "the second may be writing it");
+    let tables = half.parent().unwrap().to_owned();
+    drop(second);
+    assert_eq!(fs::read_dir(tables).unwrap().flatten().map(|e| e.file_name()).collect::<Vec<_>>(), ["errors.csv"]);
+}
+
+#[test]
 fn an_unwritable_place_is_found_at_once() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("out"), b"a file").unwrap();

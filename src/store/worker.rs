@@ -55,7 +55,7 @@ impl Store {
             groups: plan.cells.iter().map(group).collect(),
         };
         let turns = RefCell::default();
-        Ok(Store { folder: home.to_owned(), out, archive, journal, claims, aboard: Some(aboard), turns, _lock: guard })
+        Ok(Store { folder: home.to_owned(), out, archive, journal, claims, aboard: Some(aboard), turns, lock: guard })
     }
 
     /// What is finished, as its own files say.
