@@ -9,12 +9,10 @@ use super::args::{Global, TraceArgs};
 use super::exit::{Exit, Failure, data, talk};
 use super::load;
 use super::reproduce::again;
-use crate::render::hierarchy::AccelSpec;
 use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, backend};
 use crate::scene::compile::NONE;
 use crate::scene::{CompiledScene, compile};
-use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, sampler};
 use crate::value::suggest;
@@ -75,20 +73,12 @@ fn of_scene(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Jo
         Failure::usage(format!("there is no {what} `{name}` ({help})"))
     };
     let names = || INTEGRATORS.iter().map(|row| row.name).collect();
+    let technique = integrator(&args.integrator).ok_or_else(|| unknown("integrator", &args.integrator, names()))?;
+    let resolution = args.size.unwrap_or(scene.resolution);
     let job = Job {
-        integrator: integrator(&args.integrator).ok_or_else(|| unknown("integrator", &args.integrator, names()))?,
-        params: Default::default(),
-        resolution: args.size.unwrap_or(scene.resolution),
-        max_depth: args.depth.unwrap_or(scene.max_depth),
-        rr_start: None,
-        filter: FilterSpec::PIXEL,
-        layers: Vec::new(),
-        timing: None,
-        accel: AccelSpec::default(),
         sampler: sampler(&args.sampler).ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
-        seed: args.seed,
-        first_sample: 0,
         threads: global.threads,
+        ..Job::plain(technique, resolution, args.depth.unwrap_or(scene.max_depth), args.seed)
     };
     Ok((Arc::new(scene), job))
 }

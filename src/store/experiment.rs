@@ -164,7 +164,7 @@ impl Store {
     fn piece(&self, plan: &Plan, piece: Piece) -> (PathBuf, String) {
         let part = match piece {
             Piece::Run(_) => None,
-            Piece::Part(part) => stem_of(plan, &[part]).map(|stem| (parts::folder(&self.out, stem, &part), stem, part)),
+            Piece::Part(part) => stem_of(plan, &part).map(|stem| (parts::folder(&self.out, stem, &part), stem, part)),
         };
         match part {
             Some((folder, stem, part)) => (folder, parts::name(stem, &part)),
@@ -177,7 +177,7 @@ impl Store {
     /// # Errors
     /// When they cannot be written.
     pub fn keep_part(&self, plan: &Plan, part: &Part, kept: &Checkpoint) -> Result<(), StoreError> {
-        stem_of(plan, std::slice::from_ref(part)).map_or(Ok(()), |stem| parts::keep(&self.out, stem, part, kept))
+        stem_of(plan, part).map_or(Ok(()), |stem| parts::keep(&self.out, stem, part, kept))
     }
 
     /// Writes a file of the experiment whole: `summary.csv`, `figures/convergence.svg`.
@@ -320,26 +320,27 @@ impl History for Store {
     }
 
     fn parts_there(&self, plan: &Plan, all: &[Part]) -> BTreeSet<usize> {
-        stem_of(plan, all).map_or_else(BTreeSet::new, |stem| parts::there(&self.out, stem, all))
+        let stem = all.first().and_then(|part| stem_of(plan, part));
+        stem.map_or_else(BTreeSet::new, |stem| parts::there(&self.out, stem, all))
     }
 
     fn part(&self, plan: &Plan, part: &Part) -> Option<Checkpoint> {
-        parts::load(&self.out, stem_of(plan, std::slice::from_ref(part))?, part)
+        parts::load(&self.out, stem_of(plan, part)?, part)
     }
 
     fn joined(&self, plan: &Plan, all: &[Part]) -> Option<Checkpoint> {
-        parts::joined(&self.out, stem_of(plan, all)?, all)
+        parts::joined(&self.out, stem_of(plan, all.first()?)?, all)
     }
 
     fn keep_joined(&self, plan: &Plan, all: &[Part], ground: Option<&Checkpoint>) -> Result<(), SinkError> {
-        let Some(stem) = stem_of(plan, all) else { return Ok(()) };
+        let Some(stem) = all.first().and_then(|part| stem_of(plan, part)) else { return Ok(()) };
         parts::keep_joined(&self.out, stem, all, ground).map_err(|e| SinkError(e.to_string()))
     }
 }
 
-/// The stem of the reference that parts are of.
-fn stem_of<'a>(plan: &'a Plan, parts: &[Part]) -> Option<&'a str> {
-    plan.references.get(parts.first()?.reference)?.stem()
+/// The stem of the reference that a part is of.
+fn stem_of<'a>(plan: &'a Plan, part: &Part) -> Option<&'a str> {
+    plan.references.get(part.reference)?.stem()
 }
 
 /// Whose folder this is, as far as it says.

@@ -2,7 +2,6 @@
 
 mod backends;
 mod checkpoint;
-mod clock;
 mod cluster;
 mod dashboard;
 mod efficiency;
@@ -53,22 +52,26 @@ impl Report {
 /// # Errors
 /// When a given scene cannot be loaded or rendered, with a message for people.
 pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
+    let repeats = args.repeats as usize;
+    for file in &args.scenes {
+        // Nobody wants to hear of a mistyped name after the other scenes.
+        file.metadata().map_err(|e| format!("cannot read {}: {e}", file.display()))?;
+    }
+    if args.loading {
+        say("loading a mesh of a million triangles");
+        let found = loading::Loading::measure(repeats)?;
+        return Ok(Report { text: found.table(), json: json!({ "loading": found.to_json() }) });
+    }
     let built_in = BuiltIn::unpack()?;
     let mut scenes: Vec<(String, PathBuf)> = Vec::new();
     if !args.only {
         scenes.extend(built_in.scenes().into_iter().map(|file| (short(&file), file)));
     }
     scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
-    let repeats = args.repeats as usize;
-    if args.loading {
-        say("loading a mesh of a million triangles");
-        let found = loading::Loading::measure(repeats)?;
-        return Ok(Report { text: found.table(), json: json!({ "loading": found.to_json() }) });
-    }
     if let (true, Some((_, first))) = (args.time, scenes.first()) {
         say("measuring what time costs");
         let costs = time::measure(first, repeats)?;
-        return Ok(Report { text: time::table(&costs), json: json!({ "time": to_json(&costs) }) });
+        return Ok(Report { text: time::table(&costs), json: json!({ "time": time::to_json(&costs) }) });
     }
     if !args.backend.is_empty() {
         return compare_backends(args, &scenes, say);
@@ -130,7 +133,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         say("measuring what time costs");
         let costs = time::measure(first, repeats)?;
         text += &format!("\n{}", time::table(&costs));
-        json["time"] = to_json(&costs);
+        json["time"] = time::to_json(&costs);
         say("measuring the metrics");
         let times = metrics::measure(repeats);
         text += &format!("\n{}", metrics::table(&times));
@@ -140,10 +143,6 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         json["share_outside_advance"] = outside.into();
     }
     Ok(Report { json, text })
-}
-
-fn to_json(costs: &[time::Cost]) -> Json {
-    costs.iter().map(time::Cost::to_json).collect()
 }
 
 /// Rehearses a night of many workers in a folder instead.

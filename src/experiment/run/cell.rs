@@ -81,12 +81,17 @@ pub(super) struct Ended {
 impl Ended {
     pub(super) fn cached(run: FinishedRun) -> Ended {
         let FinishedRun { folder, rows, floors, open } = run;
-        Ended { outcome: Outcome::Cached(folder), rows, floors, open, ..Ended::failed(String::new()) }
+        Ended { rows, floors, open, ..Ended::only(Outcome::Cached(folder)) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
+        Ended::only(Outcome::Failed(reason))
+    }
+
+    /// An end that brought nothing.
+    pub(super) fn only(outcome: Outcome) -> Ended {
         Ended {
-            outcome: Outcome::Failed(reason),
+            outcome,
             film: None,
             layers: Arc::default(),
             times: None,
@@ -370,8 +375,7 @@ impl<'a> Night<'a, '_> {
 
     /// Whether somebody shows the light by time of a run that is small enough to be copied while it renders.
     fn shows_times(&self, work: &Work<'_>) -> bool {
-        let [width, height] = work.config.resolution.unwrap_or_default();
-        let pixels = u64::from(width) * u64::from(height);
+        let pixels = memory::pixels(work.config);
         let small = |timing: &Timing| bytes(&timing.axis, pixels, false).is_ok_and(|bytes| bytes <= MAX_SHOWN_BYTES);
         work.config.timing.as_ref().is_some_and(small) && self.sinks.iter().any(|sink| sink.shows_times())
     }
@@ -558,7 +562,7 @@ pub(super) fn crowded(field: &[(Running<'_>, Floors)], memory: Option<u64>) -> O
     }
     let free = memory.or_else(|| memory::machine().map(|[free, _]| free))?;
     let need = field.iter().map(|(run, _)| memory::run_bytes(run.work.config)).sum();
-    memory::refusal(field.len(), need, free)
+    memory::refusal(field.len(), need, memory::Room::Free(free))
 }
 
 /// The images of a renderer's layers; the sums of one at a time are in memory twice.

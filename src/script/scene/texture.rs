@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
 
 use mlua::{Lua, UserData, Value as LuaValue, Variadic};
 
@@ -84,9 +83,7 @@ pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<Arc<T
 fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
     let path = shared.folder.join(name);
     let mut notes = Vec::new();
-    let began = Instant::now();
-    let read = load::texture(&path, &mut notes);
-    shared.watch.excuse(began.elapsed());
+    let read = shared.watch.excused(|| load::texture(&path, &mut notes));
     let texture = read.map_err(|e| scene_error(shared, args, &e))?;
     shared.scene.borrow_mut().notes.append(&mut notes);
     Ok(Arc::new(texture))
