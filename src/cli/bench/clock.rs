@@ -7,9 +7,9 @@ pub fn thread_s() -> Option<f64> {
     seconds(&fs::read_to_string("/proc/thread-self/schedstat").ok()?)
 }
 
-/// Seconds of processor time of all threads of this process that are there.
-pub fn process_s() -> Option<f64> {
-    let threads = fs::read_dir("/proc/self/task").ok()?.flatten();
+/// Seconds of processor time of all threads of a process that are there.
+pub fn process_s(pid: u32) -> Option<f64> {
+    let threads = fs::read_dir(format!("/proc/{pid}/task")).ok()?.flatten();
     let times = threads.filter_map(|thread| seconds(&fs::read_to_string(thread.path().join("schedstat")).ok()?));
     times.reduce(|a, b| a + b)
 }

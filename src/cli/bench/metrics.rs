@@ -36,10 +36,10 @@ pub fn measure(repeats: usize) -> Vec<Row> {
         run();
         let (mut seconds, mut processor) = (Vec::new(), Vec::new());
         for _ in 0..repeats {
-            let (start, before) = (Instant::now(), clock::process_s());
+            let (start, before) = (Instant::now(), clock::process_s(std::process::id()));
             run();
             seconds.push(start.elapsed().as_secs_f64());
-            processor.extend(before.zip(clock::process_s()).map(|(before, after)| after - before));
+            processor.extend(before.zip(clock::process_s(std::process::id())).map(|(before, after)| after - before));
         }
         let processor_s = (!processor.is_empty()).then(|| median(processor));
         Row { metric, seconds: median(seconds), processor_s }
