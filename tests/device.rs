@@ -16,6 +16,7 @@ mod device {
     mod night;
     mod parity;
     mod paths;
+    mod reports;
     mod times;
     mod twins;
     mod worker;

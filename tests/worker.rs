@@ -87,6 +87,41 @@ fn a_run_in_a_worker_is_the_run_itself() {
     assert_eq!(pool.worker_id(), worker, "one worker for all");
 }
 
+/// Sizes of the files without a name that this process has open in a folder.
+#[cfg(target_os = "linux")]
+fn unnamed_in(folder: &std::path::Path) -> Vec<u64> {
+    let open = std::fs::read_dir("/proc/self/fd").unwrap().map(|entry| entry.unwrap().path());
+    let here = |file: &std::path::PathBuf| std::fs::read_link(file).is_ok_and(|to| to.starts_with(folder));
+    open.filter(here).map(|file| std::fs::metadata(file).unwrap().len()).collect()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
+    let memory = tempfile::tempdir().unwrap();
+    let launcher = Launcher::new(env!("CARGO_BIN_EXE_lumbre").into(), ["worker"]);
+    let open = |films: Option<&std::path::Path>| {
+        let pool = Pool::new(Launcher { films: films.map(Into::into), ..launcher.clone() });
+        let run = pool.open("mock", &scene(), request()).unwrap();
+        (pool, run)
+    };
+    let mut here = MockRenderer::new(scene(), request());
+    // Of a folder that is not there nothing is said: the pipe does as well.
+    let (nowhere, bytes) = (memory.path().join("nowhere"), 12 * 8 * size_of::<[f64; 6]>() as u64);
+    let (mut ways, mut sizes) = (vec![open(Some(memory.path())), open(None), open(Some(&nowhere))], vec![0, bytes]);
+    for samples in [3, 4] {
+        assert_eq!(unnamed_in(memory.path()), [sizes.remove(0)]);
+        let stats = here.advance(samples).unwrap();
+        for (_, there) in &mut ways {
+            assert_eq!(there.advance(samples).unwrap(), stats);
+            assert!(there.film() == here.film());
+        }
+    }
+    drop(ways);
+    assert!(unnamed_in(memory.path()).is_empty(), "it goes with its run");
+    assert_eq!(std::fs::read_dir(memory.path()).unwrap().count(), 0);
+}
+
 /// One of everything that a scene can have, and a job that asks for all of it.
 fn everything() -> (Arc<CompiledScene>, Job) {
     let mut builder = SceneBuilder::new(Vec3::new(0.2, 0.5, 3.0), Vec3::ZERO, 50.0);
@@ -228,7 +263,8 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
 fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another() {
     let arguments = vec!["worker".to_owned()];
     let silence = 4 * BEAT;
-    let pool = Pool::new(Launcher { program: env!("CARGO_BIN_EXE_lumbre").into(), arguments, silence });
+    let program = env!("CARGO_BIN_EXE_lumbre").into();
+    let pool = Pool::new(Launcher { program, arguments, silence, films: None });
     let mut first = pool.open("mock", &scene(), request()).unwrap();
     first.advance(3).unwrap();
     let saved = state(&first);
@@ -263,7 +299,7 @@ fn a_worker_ends_with_the_process_that_asked_it() {
 fn what_is_no_worker_is_said() {
     let open = |program: &str, arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
-        let pool = Pool::new(Launcher { program: program.into(), arguments, silence: 2 * BEAT });
+        let pool = Pool::new(Launcher { program: program.into(), arguments, silence: 2 * BEAT, films: None });
         pool.open("mock", &scene(), request()).err().unwrap().to_string()
     };
     #[cfg(unix)]

@@ -32,6 +32,10 @@ const uint STEP_CLOSEST = 1u;
 const uint STEP_SHADOW = 2u;
 const uint STEP_LIGHT = 3u;
 const uint MOST_STEPS = 256u;
+const uint INSTANCE_TRIANGLES = 0u;
+const uint INSTANCE_SPHERES = 1u;
+const uint INSTANCE_COPIES = 2u;
+const uint BVH_STACK = 32u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {
@@ -172,6 +176,16 @@ struct Place {
     uint materials; // First row in `place_materials`.
     uint emitters; // Row in `emitters` of the first of its triangles that shine.
     uint first; // The number of its first triangle where nothing is shared.
+};
+
+// How rays enter the space of a copy's mesh: `render::entrance::Entrance`.
+struct Entrance {
+    vec3 inverse_x; // From directions of the world to those of the mesh, first column.
+    vec3 inverse_y; // Second column.
+    vec3 inverse_z; // Third column.
+    vec3 pivot_world; // The middle of the mesh's box in the world.
+    vec3 pivot_own; // The same in the mesh's space.
+    uint root; // The first node of the mesh's tree.
 };
 
 // A point that shines in all directions or into a cone.

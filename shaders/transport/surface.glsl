@@ -133,15 +133,21 @@ bool is_masked_out(Ray ray, Hit hit) {
     return unit(pcg4d(placed).x) >= covered;
 }
 
+// A triangle that was met, in world space; of a sphere nothing in it means anything.
+struct Face {
+    Triangle corners;
+    TriangleAttributes attributes;
+};
+
 // The smooth surface above this point of a triangle, where the corner normals suggest one on the side the ray came from.
-Overhang find_overhang(Surface s, Ray ray, Hit hit) {
+Overhang find_overhang(Surface s, Face face, Ray ray, Hit hit) {
     bool opaque = materials[s.material].opacity >= 1.0 && materials[s.material].opacity_texture == NONE;
     bool metal = !(materials[s.material].metallic < 1.0) && materials[s.material].metallic_texture == NONE;
     if (!opaque && !metal) {
         return NO_OVERHANG;
     }
-    Triangle corners = triangle_corners(hit.primitive, hit.instance);
-    TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+    Triangle corners = face.corners;
+    TriangleAttributes a = face.attributes;
     vec3 lift = a.na * (dot(s.position - corners.a, a.na) * -(1.0 - hit.uv.x - hit.uv.y))
         - a.nb * (dot(s.position - corners.b, a.nb) * hit.uv.x)
         - a.nc * (dot(s.position - corners.c, a.nc) * hit.uv.y);
@@ -159,7 +165,7 @@ vec3 surface_in_front(Surface s, vec3 n) {
 }
 
 // Tilts the normal by the slopes of the bump map: see Rust.
-void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
+void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
     uint bump_map = materials[s.material].bump_texture;
     vec2 place = s.uv * materials[s.material].tiling_scale + materials[s.material].tiling_offset;
     vec2 texel = 1.0 / vec2(textures[bump_map].width, textures[bump_map].height);
@@ -174,8 +180,8 @@ void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
     vec3 first, second;
     vec2 rises = slopes;
     if (hit.primitive < job.triangle_count) {
-        Triangle corners = triangle_corners(hit.primitive, hit.instance);
-        TriangleAttributes a = attributes[hit.primitive];
+        Triangle corners = face.corners;
+        TriangleAttributes a = face.attributes;
         first = corners.b - corners.a;
         second = corners.c - corners.a;
         rises = vec2(dot(slopes, a.tb - a.ta), dot(slopes, a.tc - a.ta));
@@ -191,13 +197,12 @@ void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
 }
 
 // Applies the normal map and finds the direction of anisotropy.
-void surface_orient(inout Surface s, Hit hit) {
+void surface_orient(inout Surface s, Face face, Hit hit) {
     // MikkTSpace decodes with interpolated vectors that are not made unit vectors again.
     vec3 n_axis = s.n_shading, u_axis, v_axis;
     if (hit.primitive < job.triangle_count) {
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
-        Triangle corners = triangle_corners(hit.primitive, hit.instance);
-        TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+        TriangleAttributes a = face.attributes;
         Tangents t = triangle_tangents(hit.primitive, hit.instance);
         n_axis = a.na * weights.x + a.nb * weights.y + a.nc * weights.z;
         u_axis = (t.a * weights.x + t.b * weights.y + t.c * weights.z).xyz;
@@ -245,9 +250,12 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
     s.material = material;
     s.tangent = vec3(0.0);
     s.overhang = NO_OVERHANG;
+    Face face;
     if (hit.primitive < job.triangle_count) {
-        Triangle corners = triangle_corners(hit.primitive, hit.instance);
-        TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+        face.corners = triangle_corners(hit.primitive, hit.instance);
+        face.attributes = triangle_attributes(hit.primitive, hit.instance, face.corners);
+        Triangle corners = face.corners;
+        TriangleAttributes a = face.attributes;
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
         s.position = corners.a * weights.x + corners.b * weights.y + corners.c * weights.z;
         s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
@@ -256,7 +264,7 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
         s.tint = tint_at(hit.primitive, hit.uv);
         s.emitter = emitter_of(hit.primitive, hit.instance);
         if (materials[s.material].shadow_terminator != 0u) {
-            s.overhang = find_overhang(s, ray, hit);
+            s.overhang = find_overhang(s, face, ray, hit);
         }
     } else {
         Sphere ball = spheres[hit.primitive - job.triangle_count];
@@ -270,10 +278,10 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
     }
     vec3 smooth_normal = s.n_shading;
     if (uses_tangents(s.material)) {
-        surface_orient(s, hit);
+        surface_orient(s, face, hit);
     }
     if (materials[s.material].bump_texture != NONE) {
-        surface_emboss(s, hit, smooth_normal);
+        surface_emboss(s, face, hit, smooth_normal);
     }
     return s;
 }

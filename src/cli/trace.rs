@@ -11,14 +11,11 @@ use super::load;
 use super::reproduce::again;
 use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, backend};
-use crate::scene::compile::NONE;
+use crate::scene::compile::{MOST_UNFOLDED, NONE};
 use crate::scene::{CompiledScene, compile};
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, sampler};
 use crate::value::suggest;
-
-/// Triangles and spheres up to which scenes with copies of meshes are unfolded.
-const MOST_UNFOLDED: usize = 1 << 24;
 
 /// Prints the steps.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {

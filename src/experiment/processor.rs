@@ -8,9 +8,9 @@ pub fn of_thread() -> Option<Duration> {
     spent(&fs::read_to_string("/proc/thread-self/schedstat").ok()?)
 }
 
-/// How long all threads of this process that are there have kept processors busy, on systems that tell it in files.
-pub fn of_process() -> Option<Duration> {
-    let threads = fs::read_dir("/proc/self/task").ok()?.flatten();
+/// How long all threads of a process that are there have kept processors busy, on systems that tell it in files.
+pub fn of_process(id: u32) -> Option<Duration> {
+    let threads = fs::read_dir(format!("/proc/{id}/task")).ok()?.flatten();
     let times = threads.filter_map(|thread| spent(&fs::read_to_string(thread.path().join("schedstat")).ok()?));
     times.reduce(|a, b| a + b)
 }

@@ -5,6 +5,8 @@
 //! A slot is a bin or one of the two beside them: slot 0 holds what arrives before the first bin, slot `bins + 1` what
 //! arrives after the last. So nothing is lost, and the sum over all slots, in their order, *is* the picture.
 
+use std::borrow::Borrow;
+
 use super::Image;
 
 /// The file in which a run leaves the mean radiance of every bin, an array of NumPy: [row][column][bin][rgb].
@@ -234,8 +236,11 @@ impl TimeCube {
 
 /// The sum over the slots of a pixel, in their order.
 #[inline]
-pub fn total(slots: &[[f64; 3]]) -> [f64; 3] {
-    slots.iter().fold([0.0; 3], |sum, v| [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]])
+pub fn total(slots: impl IntoIterator<Item: Borrow<[f64; 3]>>) -> [f64; 3] {
+    slots.into_iter().fold([0.0; 3], |sum, slot| {
+        let v = slot.borrow();
+        [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]]
+    })
 }
 
 #[cfg(test)]

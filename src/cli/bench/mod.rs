@@ -5,6 +5,7 @@ mod checkpoint;
 mod cluster;
 mod dashboard;
 mod efficiency;
+mod handover;
 mod loading;
 mod long;
 mod metrics;
@@ -168,12 +169,19 @@ fn compare_backends(
         let resolution = [args.width, args.height];
         rows.extend(backends::measure(name, file, &args.backend, resolution, args.repeats as usize)?);
     }
-    let json = json!({
+    let mut text = backends::table(&rows);
+    let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "repeats": args.repeats,
         "backends": rows.iter().map(backends::Row::to_json).collect::<Vec<_>>(),
     });
-    Ok(Report { text: backends::table(&rows), json })
+    if let Some((_, file)) = scenes.first() {
+        say("measuring what it costs to bring a picture from a worker");
+        let found = handover::HandOver::measure(file, args.repeats as usize)?;
+        text += &format!("\n{}", found.lines());
+        json["hand_over"] = found.to_json();
+    }
+    Ok(Report { text, json })
 }
 
 /// Seconds from starting this program to its end when it has nothing to do.

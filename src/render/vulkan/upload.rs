@@ -38,13 +38,13 @@ fn number(model: Model) -> u32 {
 pub struct SceneBuffers {
     /// Corners of the triangles, which acceleration structures are built from.
     pub triangles: Buffer,
-    others: [Buffer; 9],
+    others: [Buffer; 11],
 }
 
 /// What depends on the job too.
 pub struct JobBuffers {
     job: Buffer,
-    others: [Buffer; 9],
+    others: [Buffer; 7],
 }
 
 impl SceneBuffers {
@@ -114,6 +114,8 @@ impl SceneBuffers {
                 Buffer::with(device, "emitters", &emitters, plain)?,
                 Buffer::with(device, "point lights", &points, plain)?,
                 Buffer::with(device, "directional lights", &directionals, plain)?,
+                Buffer::with(device, "places of copies", &places(scene), plain)?,
+                Buffer::with(device, "materials of copies", &scene.instances.materials, plain)?,
             ],
         })
     }
@@ -145,8 +147,6 @@ impl JobBuffers {
                 Buffer::with(device, "parts of materials", &delays.parts, plain)?,
                 Buffer::with(device, "profiles in time", &delays.profiles, plain)?,
                 Buffer::with(device, "knots of tables", &delays.knots, plain)?,
-                Buffer::with(device, "places of copies", &places(scene), plain)?,
-                Buffer::with(device, "materials of copies", &scene.instances.materials, plain)?,
             ],
         })
     }

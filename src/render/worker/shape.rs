@@ -49,6 +49,7 @@ structs! {
     Delays { rows, parts, profiles }
     Part { upto, material, profiles }
     DelayProfile { kind, params, tiling, table }
+    DelayParam { value, offset, texture }
     Timing { axis, filter, camera, medium, emission, metres }
     TimeAxis { start, bin, bins }
     WaveStats { samples, render_s, device_s, paths, rays, invalid, first_invalid }
@@ -126,24 +127,6 @@ impl Wire for SharedMesh {
     }
 }
 
-impl Wire for [DelayParam; 2] {
-    fn put(&self, to: &mut Vec<u8>) {
-        for DelayParam { value, offset, texture } in self {
-            [*value, *offset].put(to);
-            texture.put(to);
-        }
-    }
-
-    fn take(from: &mut Reader<'_>) -> Result<[DelayParam; 2], Garbled> {
-        let mut params = [DelayParam { value: 0.0, offset: 0.0, texture: 0 }; 2];
-        for param in &mut params {
-            let [value, offset] = Wire::take(from)?;
-            *param = DelayParam { value, offset, texture: Wire::take(from)? };
-        }
-        Ok(params)
-    }
-}
-
 impl Wire for Piecewise {
     fn put(&self, to: &mut Vec<u8>) {
         self.knots().collect::<Vec<_>>().put(to);
@@ -157,26 +140,19 @@ impl Wire for Piecewise {
 
 impl Wire for Profile {
     fn put(&self, to: &mut Vec<u8>) {
-        let (kind, params, table) = match self {
-            Profile::Constant(delay) => (0u8, [*delay, 0.0], None),
-            Profile::Exponential(rate) => (1, [*rate, 0.0], None),
-            Profile::Epanechnikov { mean, width } => (2, [*mean, *width], None),
-            Profile::Table(table) => (3, [0.0; 2], Some(table.clone())),
-        };
+        let (kind, params, table) = self.to_parts();
         kind.put(to);
         params.put(to);
-        table.put(to);
+        table.cloned().put(to);
     }
 
     fn take(from: &mut Reader<'_>) -> Result<Profile, Garbled> {
-        let (kind, [a, b]) = (u8::take(from)?, Wire::take(from)?);
+        let (kind, params) = (Wire::take(from)?, Wire::take(from)?);
         let table: Option<Piecewise> = Wire::take(from)?;
-        match kind {
-            0 => Ok(Profile::Constant(a)),
-            1 => Ok(Profile::Exponential(a)),
-            2 => Ok(Profile::Epanechnikov { mean: a, width: b }),
-            _ => table.map(Profile::Table).ok_or(Garbled),
+        if (kind == DelayKind::Table) != table.is_some() {
+            return Err(Garbled);
         }
+        Ok(Profile::of_parts(kind, params, || table))
     }
 }
 

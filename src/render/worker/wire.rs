@@ -177,14 +177,15 @@ impl<T: Wire> Wire for Vec<T> {
     }
 }
 
-impl<T: Wire + Copy + Default, const N: usize> Wire for [T; N] {
+impl<T: Wire + Copy, const N: usize> Wire for [T; N] {
     fn put(&self, to: &mut Vec<u8>) {
         self.iter().for_each(|value| value.put(to));
     }
 
     fn take(from: &mut Reader<'_>) -> Result<[T; N], Garbled> {
-        let mut values = [T::default(); N];
-        for value in &mut values {
+        const { assert!(N > 0) };
+        let mut values = [T::take(from)?; N];
+        for value in &mut values[1..] {
             *value = T::take(from)?;
         }
         Ok(values)

@@ -13,6 +13,10 @@ use glam::{DAffine3, DMat3, Mat3, Vec3, Vec4};
 use super::flatten::on_front_side;
 use super::{CompiledScene, Emitter, NONE, TriangleAttributes};
 
+/// Triangles and spheres up to which scenes with copies are [unfolded](CompiledScene::flattened) for what knows none: some four
+/// gigabytes on a device.
+pub const MOST_UNFOLDED: usize = 1 << 24;
+
 /// All copies of shared meshes. Primitive ids and instances name a triangle together: the primitive is the triangle's row
 /// in [`CompiledScene::triangles`], the instance a row of [`Instances::places`], or [`NONE`] for what is not shared.
 #[derive(Clone, Debug, Default, PartialEq)]

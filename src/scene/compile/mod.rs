@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 pub use delays::{DelayParam, DelayProfile, Delays, Part};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
-pub use instance::{Instance, Instances, SharedMesh};
+pub use instance::{Instance, Instances, MOST_UNFOLDED, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, UvMap};

@@ -29,6 +29,28 @@ impl Profile {
     /// No delay at all.
     pub const NONE: Profile = Profile::Constant(0.0);
 
+    /// Its kind, and the one or two parameters and the table that the kind has; what it does not have is zero and `None`.
+    pub fn to_parts(&self) -> (DelayKind, [f32; 2], Option<&Piecewise>) {
+        match self {
+            Profile::Constant(delay) => (DelayKind::Constant, [*delay, 0.0], None),
+            Profile::Exponential(rate) => (DelayKind::Exponential, [*rate, 0.0], None),
+            Profile::Epanechnikov { mean, width } => (DelayKind::Epanechnikov, [*mean, *width], None),
+            Profile::Table(table) => (DelayKind::Table, [0.0; 2], Some(table)),
+        }
+    }
+
+    /// From those; a table that is not there delays nothing.
+    #[inline]
+    pub fn of_parts(kind: DelayKind, [first, second]: [f32; 2], table: impl FnOnce() -> Option<Piecewise>) -> Profile {
+        match kind {
+            DelayKind::None => Profile::NONE,
+            DelayKind::Constant => Profile::Constant(first),
+            DelayKind::Exponential => Profile::Exponential(first),
+            DelayKind::Epanechnikov => Profile::Epanechnikov { mean: first, width: second },
+            DelayKind::Table => table().map_or(Profile::NONE, Profile::Table),
+        }
+    }
+
     /// The delay at which the distribution function reaches `u`, from `[0, 1)`. The numbers of samplers have 24 binary
     /// digits, so that the longest exponential delay is `16.6 / rate`; what lies beyond has a probability of 6e-8.
     #[inline]
@@ -88,13 +110,7 @@ impl Profile {
 pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Vec2) -> Profile {
     let value = |p: &DelayParam| p.offset + p.value * lookup_scalar(textures, p.texture, uv, profile.tiling, 1.0);
     let [first, second] = &profile.params;
-    match profile.kind {
-        DelayKind::None => Profile::NONE,
-        DelayKind::Constant => Profile::Constant(value(first)),
-        DelayKind::Exponential => Profile::Exponential(value(first)),
-        DelayKind::Epanechnikov => Profile::Epanechnikov { mean: value(first), width: value(second) },
-        DelayKind::Table => profile.table.clone().map_or(Profile::NONE, Profile::Table),
-    }
+    Profile::of_parts(profile.kind, [value(first), value(second)], || profile.table.clone())
 }
 
 /// The sum of one delay of each profile, at these texture coordinates.

@@ -239,6 +239,22 @@ super::gpu_structs! {
         first: u32,
     }
 
+    /// How rays enter the space of a copy's mesh: `render::entrance::Entrance`.
+    pub struct Entrance {
+        /// From directions of the world to those of the mesh, first column.
+        inverse_x: [f32; 3],
+        /// Second column.
+        inverse_y: [f32; 3],
+        /// Third column.
+        inverse_z: [f32; 3],
+        /// The middle of the mesh's box in the world.
+        pivot_world: [f32; 3],
+        /// The same in the mesh's space.
+        pivot_own: [f32; 3],
+        /// The first node of the mesh's tree.
+        root: u32,
+    }
+
     /// A point that shines in all directions or into a cone.
     pub struct PointLight {
         /// Position in world space.
