@@ -145,8 +145,11 @@ pub const SPLAT_BYTES_PER_SLOT: u64 = 96;
 /// The most bytes that the sums of one run with a time axis may take: 12 GiB.
 pub const MAX_BYTES: u64 = 12 << 30;
 
-/// The most bytes that sums with a time axis take: those of slots that light never reaches are not touched, and an
-/// operating system gives no memory for them.
+/// Up to so many bytes of own sums the CPU has in memory before a run's clock starts, and keeps for later runs: 1 GiB.
+pub const MAX_KEPT_BYTES: u64 = 1 << 30;
+
+/// The most bytes that sums with a time axis take: beyond [`MAX_KEPT_BYTES`] those of slots that light never reaches are not
+/// touched, and an operating system gives no memory for them.
 ///
 /// # Errors
 /// In words, when they are more than [`MAX_BYTES`].

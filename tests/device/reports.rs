@@ -11,9 +11,9 @@ const SCENE: &str = r#"{
     "resolution": [20, 14], "maxdepth": 4,
     "camera": { "position": [0, 0.3, 4], "lookat": [0, 0, 0], "fov": 45 },
     "materials": [
-        { "name": "white", "color": [0.8, 0.8, 0.8] },
-        { "name": "red", "color": [0.9, 0.3, 0.2] },
-        { "name": "lamp", "emission": [6, 5, 4] }
+        { "name": "white", "color": [0.8, 0.8, 0.8], "model": "lambert" },
+        { "name": "red", "color": [0.9, 0.3, 0.2], "model": "lambert" },
+        { "name": "lamp", "emission": [6, 5, 4], "model": "lambert" }
     ],
     "entities": [
         { "type": "sphere", "material": "white", "position": [0, -21, 0], "radius": 20 },

@@ -21,6 +21,7 @@ use crate::film::layer::LayerImage;
 use crate::film::time::{TimeCube, bytes};
 use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
+use crate::render::cpu::kept_bytes;
 use crate::render::halves::Halves;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
@@ -560,7 +561,7 @@ pub(super) fn crowded(field: &[(Running<'_>, Floors)], memory: Option<u64>) -> O
     if field.len() < 2 {
         return None;
     }
-    let free = memory.or_else(|| memory::machine().map(|[free, _]| free))?;
+    let free = memory.or_else(|| memory::machine().map(|[free, _]| free + kept_bytes()))?;
     let need = field.iter().map(|(run, _)| memory::run_bytes(run.work.config)).sum();
     memory::refusal(field.len(), need, memory::Room::Free(free))
 }
