@@ -36,4 +36,17 @@ layout(set = 0, binding = 17, scalar) restrict readonly buffer MaterialParts { M
 layout(set = 0, binding = 18, scalar) restrict readonly buffer DelayProfiles { DelayProfile delay_profiles[]; };
 layout(set = 0, binding = 19, scalar) restrict readonly buffer Knots { Knot knots[]; };
 
+// Texture coordinates of a point: those of the first set, and with SECOND_UVS, where some mesh has a second one, those.
+#ifdef SECOND_UVS
+#define Uv vec4
+Uv uv_of(vec2 uv) {
+    return uv.xyxy;
+}
+#else
+#define Uv vec2
+Uv uv_of(vec2 uv) {
+    return uv;
+}
+#endif
+
 #endif

@@ -31,8 +31,8 @@ use common::{SceneBuilder, grey, job, light};
 
 fn scene() -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
-    let texture = builder.texture(Texture { width: 1, height: 2, texels: vec![[0.5; 3], [0.1, 0.2, 0.3]] });
-    let sky = Texture { width: 1, height: 1, texels: vec![[1.0, 2.0, 3.0]] };
+    let texture = builder.texture(Texture::new(1, 2, vec![[0.5; 3], [0.1, 0.2, 0.3]]));
+    let sky = Texture::new(1, 1, vec![[1.0, 2.0, 3.0]]);
     builder
         .quad(Vec3::NEG_ONE, Vec3::X, Vec3::Y, Material { base_color_texture: texture, ..grey(0.5) })
         .sphere(Vec3::ONE, 0.5, light(2.0))
@@ -125,8 +125,8 @@ fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
 /// One of everything that a scene can have, and a job that asks for all of it.
 fn everything() -> (Arc<CompiledScene>, Job) {
     let mut builder = SceneBuilder::new(Vec3::new(0.2, 0.5, 3.0), Vec3::ZERO, 50.0);
-    let texels = (0..6).map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4]).collect();
-    let map = builder.texture(Texture { width: 3, height: 2, texels });
+    let texels: Vec<[f32; 3]> = (0..6).map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4]).collect();
+    let map = builder.texture(Texture::new(3, 2, texels));
     let disney = Material {
         model: Model::Disney,
         metallic: 0.5,
@@ -146,7 +146,7 @@ fn everything() -> (Arc<CompiledScene>, Job) {
     let metal = Interface { distribution: Distribution::Beckmann, eta: Vec3::splat(0.2), ..Interface::PLAIN };
     let leaf = Material { mask_texture: map, mask_threshold: 0.3, ..grey(0.6) };
     let cloud = Material { mask_texture: map, mask_mode: MaskMode::Blend, opacity: 0.5, ior: 1.3, ..grey(0.9) };
-    let sky = Texture { width: 2, height: 1, texels: vec![[1.0, 2.0, 3.0], [0.5; 3]] };
+    let sky = Texture::new(2, 1, vec![[1.0, 2.0, 3.0], [0.5; 3]]);
     let scene = builder
         .quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, disney)
         .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)

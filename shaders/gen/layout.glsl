@@ -10,6 +10,9 @@ const uint DISTRIBUTION_GGX = 0u;
 const uint DISTRIBUTION_BECKMANN = 1u;
 const uint MASK_THRESHOLD = 0u;
 const uint MASK_BLEND = 1u;
+const uint WRAP_REPEAT = 0u;
+const uint WRAP_MIRROR = 1u;
+const uint WRAP_CLAMP = 2u;
 const uint FILTER_BOX = 0u;
 const uint FILTER_TENT = 1u;
 const uint FILTER_GAUSS = 2u;
@@ -146,6 +149,12 @@ struct Texture {
     uint first; // Index of the first texel.
     uint width; // Columns.
     uint height; // Rows.
+    uvec2 wrap; // What is beyond the edges along u and v: WRAP_REPEAT and so on.
+    uint second; // 1 where the second set of texture coordinates is meant, else 0.
+    uint moved; // 1 where coordinates are moved by the three below, else 0.
+    vec2 map_u; // Where the map takes growing u.
+    vec2 map_v; // Where the map takes growing v.
+    vec2 map_origin; // Where the map takes (0, 0).
 };
 
 // One emissive primitive.
@@ -246,6 +255,7 @@ struct Job {
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.
     uint first_color; // First of three texels for each triangle that multiply base colours at its corners, or NONE.
+    uint first_second_uv; // First of three texels for each triangle that hold its second texture coordinates, or NONE.
     uint light_count; // Number of lights.
     uvec3 light_first; // Index of the first point, direction, environment among the lights.
     uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.

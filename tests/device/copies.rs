@@ -45,6 +45,7 @@ fn ball(rows: u32) -> Arc<MeshDesc> {
         uvs: positions.iter().map(|p| Vec2::new(p.x, p.y)).collect(),
         normals: positions.clone(),
         colors: positions.iter().map(|p| (*p * 0.5 + 0.5).clamp(Vec3::ZERO, Vec3::ONE)).collect(),
+        second_uvs: Vec::new(),
         positions,
         triangles,
         triangle_slot: slots,

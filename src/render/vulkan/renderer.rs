@@ -144,6 +144,9 @@ impl VulkanRenderer {
         if !scene.instances.places.is_empty() {
             defines.push(("COPIES", String::new()));
         }
+        if !scene.second_uvs.is_empty() {
+            defines.push(("SECOND_UVS", String::new()));
+        }
         if steps {
             defines.push(("PATHS", String::new()));
         }

@@ -1,6 +1,7 @@
 //! What of the program's own types goes through the pipe.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::wire::{Garbled, Reader, Wire, structs, words};
 use crate::film::Film;
@@ -12,8 +13,8 @@ use crate::render::{BACKENDS, Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{
     Cone, DelayKind, DelayParam, DelayProfile, Delays, DirectionalLight, Distribution, Emitter, Environment, Instance,
-    Instances, Interface, MaskMode, Material, Model, Part, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes,
-    UvMap,
+    Instances, Interface, Lookup, MaskMode, Material, Model, Part, PointLight, SharedMesh, Sphere, Texture,
+    TriangleAttributes, UvMap, Wrap,
 };
 use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FILTERS, FilterKind, FilterSpec};
@@ -41,7 +42,8 @@ structs! {
     PointLight { position, intensity, cone }
     DirectionalLight { direction, irradiance }
     Environment { map, radiance, rotation_rad }
-    Texture { width, height, texels }
+    Texture { width, height, texels, lookup }
+    Lookup { wrap, second, map }
     UvMap { scale, offset }
     CameraDesc { position, target, up, fov_deg, aperture, focus_distance, optics }
     Optics { f_number, focal_length, sensor_height }
@@ -60,6 +62,7 @@ words! {
     Model: Model::ALL,
     Distribution: Distribution::ALL,
     MaskMode: MaskMode::ALL,
+    Wrap: Wrap::ALL,
     DelayKind: DelayKind::ALL,
     FilterKind: FILTERS.map(|(kind, _)| kind),
     Layer: LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>(),
@@ -69,17 +72,18 @@ impl Wire for CompiledScene {
     fn put(&self, to: &mut Vec<u8>) {
         let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays, .. } = self;
         let CompiledScene { instances, textures, emitters, points, directionals, environment, camera, .. } = self;
-        let CompiledScene { bounds, resolution, max_depth, colors, .. } = self;
+        let CompiledScene { bounds, resolution, max_depth, colors, second_uvs, .. } = self;
         content_hash.put(to);
         triangles.put(to);
         attributes.put(to);
         tangents.put(to);
         colors.put(to);
+        second_uvs.put(to);
         instances.put(to);
         spheres.put(to);
         materials.put(to);
         delays.put(to);
-        textures.put(to);
+        put_textures(textures, to);
         emitters.put(to);
         points.put(to);
         directionals.put(to);
@@ -97,11 +101,12 @@ impl Wire for CompiledScene {
             attributes: Wire::take(from)?,
             tangents: Wire::take(from)?,
             colors: Wire::take(from)?,
+            second_uvs: Wire::take(from)?,
             instances: Wire::take(from)?,
             spheres: Wire::take(from)?,
             materials: Wire::take(from)?,
             delays: Wire::take(from)?,
-            textures: Wire::take(from)?,
+            textures: take_textures(from)?,
             emitters: Wire::take(from)?,
             points: Wire::take(from)?,
             directionals: Wire::take(from)?,
@@ -112,6 +117,31 @@ impl Wire for CompiledScene {
             max_depth: Wire::take(from)?,
         })
     }
+}
+
+/// Textures; texels that several share go once, with the first of them.
+fn put_textures(textures: &[Texture], to: &mut Vec<u8>) {
+    textures.len().put(to);
+    for (i, texture) in textures.iter().enumerate() {
+        let shared = textures[..i].iter().position(|t| Arc::ptr_eq(&t.texels, &texture.texels));
+        shared.put(to);
+        match shared {
+            Some(_) => texture.lookup.put(to),
+            None => texture.put(to),
+        }
+    }
+}
+
+fn take_textures(from: &mut Reader<'_>) -> Result<Vec<Texture>, Garbled> {
+    let mut textures: Vec<Texture> = Vec::new();
+    for _ in 0..usize::take(from)? {
+        let texture = match <Option<usize> as Wire>::take(from)? {
+            Some(i) => Texture { lookup: Wire::take(from)?, ..textures.get(i).ok_or(Garbled)?.clone() },
+            None => Wire::take(from)?,
+        };
+        textures.push(texture);
+    }
+    Ok(textures)
 }
 
 impl Wire for SharedMesh {

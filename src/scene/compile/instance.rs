@@ -178,6 +178,7 @@ impl CompiledScene {
         flat.attributes.truncate(world);
         flat.tangents.truncate(world);
         flat.colors.truncate(world);
+        flat.second_uvs.truncate(world);
         let mut names = BTreeMap::new();
         for (row, place) in self.instances.places.iter().enumerate() {
             let row = row as u32;
@@ -197,6 +198,7 @@ impl CompiledScene {
                     flat.tangents.push(self.tangents_at(primitive, row));
                 }
                 flat.colors.extend(self.colors.get(primitive as usize));
+                flat.second_uvs.extend(self.second_uvs.get(primitive as usize));
                 flat.triangles.push(corners);
             }
         }

@@ -436,7 +436,7 @@ fn environment(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Sc
     let source = match (fields.values.get("color"), fields.objects.get("map")) {
         (Some(color), None) => EnvironmentSource::Color(Vec3::from(numbers::<3>(color))),
         (None, Some(map)) => match texture::of(shared, args, map)? {
-            Some(texture) => EnvironmentSource::Map(texture),
+            Some(map) => EnvironmentSource::Map(map.texture),
             None => {
                 let (path, key) = ("environment.map".to_owned(), "map".to_owned());
                 let problem = format!("expected a texture or the name of an image, found {}", kind(map));

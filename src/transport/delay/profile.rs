@@ -1,9 +1,7 @@
 //! Profiles in time, and those of a point of a surface.
 
-use glam::Vec2;
-
 use crate::math::piecewise::Piecewise;
-use crate::scene::compile::{DelayKind, DelayParam, DelayProfile, Texture};
+use crate::scene::compile::{DelayKind, DelayParam, DelayProfile, Texture, Uv};
 use crate::transport::sampler::Independent;
 use crate::transport::surface::lookup_scalar;
 
@@ -107,7 +105,7 @@ impl Profile {
 
 /// The profile of a material where its textures are at these coordinates.
 #[inline]
-pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Vec2) -> Profile {
+pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Uv) -> Profile {
     let value = |p: &DelayParam| p.offset + p.value * lookup_scalar(textures, p.texture, uv, profile.tiling, 1.0);
     let [first, second] = &profile.params;
     Profile::of_parts(profile.kind, [value(first), value(second)], || profile.table.clone())
@@ -118,7 +116,7 @@ pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Vec2) -> Profile {
 pub fn sample_all<'a>(
     profiles: impl Iterator<Item = &'a DelayProfile>,
     textures: &[Texture],
-    uv: Vec2,
+    uv: Uv,
     chance: &mut Independent,
 ) -> f32 {
     profiles.map(|profile| at(profile, textures, uv).sample(chance.next_1d())).sum()

@@ -185,6 +185,18 @@ super::gpu_structs! {
         width: u32,
         /// Rows.
         height: u32,
+        /// What is beyond the edges along u and v: WRAP_REPEAT and so on.
+        wrap: [u32; 2],
+        /// 1 where the second set of texture coordinates is meant, else 0.
+        second: u32,
+        /// 1 where coordinates are moved by the three below, else 0.
+        moved: u32,
+        /// Where the map takes growing u.
+        map_u: [f32; 2],
+        /// Where the map takes growing v.
+        map_v: [f32; 2],
+        /// Where the map takes (0, 0).
+        map_origin: [f32; 2],
     }
 
     /// One emissive primitive.
