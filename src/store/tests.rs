@@ -338,7 +338,7 @@ fn what_died_beside_the_last_file_of_a_run_or_a_reference_goes() {
         }
     };
     goes(Box::new(|| drop(Store::open(dir.path(), &plan, decode).unwrap())));
-    let worker = Store::join(&home, &plan, &frozen::Frozen::default(), decode, &Me::default()).unwrap();
+    let worker = Store::join(&home, &plan, &Frozen::default(), decode, &Me::default()).unwrap();
     goes(Box::new(|| assert_eq!(worker.take_stock(&plan).open, 0)));
 }
 
