@@ -19,20 +19,34 @@ layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texe
 layout(set = 0, binding = 8, scalar) restrict readonly buffer Emitters { Emitter emitters[]; };
 layout(set = 0, binding = 9, scalar) restrict readonly buffer Points { PointLight points[]; };
 layout(set = 0, binding = 10, scalar) restrict readonly buffer Directionals { DirectionalLight directionals[]; };
-layout(set = 0, binding = 11, scalar) restrict readonly buffer LightChoices { LightChoice light_choices[]; };
-layout(set = 0, binding = 12, scalar) restrict readonly buffer EnvironmentRows { EnvironmentRow environment_rows[]; };
+// Copies of meshes: where each stands, and their rows of materials.
+layout(set = 0, binding = 11, scalar) restrict readonly buffer Places { Place places[]; };
+layout(set = 0, binding = 12, scalar) restrict readonly buffer PlaceMaterials { uint place_materials[]; };
+
+// From here on it is the job's.
+layout(set = 0, binding = 13, scalar) restrict readonly buffer LightChoices { LightChoice light_choices[]; };
+layout(set = 0, binding = 14, scalar) restrict readonly buffer EnvironmentRows { EnvironmentRow environment_rows[]; };
 // Cumulative probabilities of the environment's cells, [row][column].
-layout(set = 0, binding = 13, scalar) restrict readonly buffer EnvironmentCells { float environment_cells[]; };
+layout(set = 0, binding = 15, scalar) restrict readonly buffer EnvironmentCells { float environment_cells[]; };
 // Of every film of layers its place among those on which splats land, or NONE.
-layout(set = 0, binding = 14, scalar) restrict readonly buffer SplatSlots { uint splat_slots[]; };
+layout(set = 0, binding = 16, scalar) restrict readonly buffer SplatSlots { uint splat_slots[]; };
 
 // Composed and delayed materials: the parts of all, the profiles of all parts, and the knots of tables.
-layout(set = 0, binding = 15, scalar) restrict readonly buffer MaterialParts { MaterialPart material_parts[]; };
-layout(set = 0, binding = 16, scalar) restrict readonly buffer DelayProfiles { DelayProfile delay_profiles[]; };
-layout(set = 0, binding = 17, scalar) restrict readonly buffer Knots { Knot knots[]; };
+layout(set = 0, binding = 17, scalar) restrict readonly buffer MaterialParts { MaterialPart material_parts[]; };
+layout(set = 0, binding = 18, scalar) restrict readonly buffer DelayProfiles { DelayProfile delay_profiles[]; };
+layout(set = 0, binding = 19, scalar) restrict readonly buffer Knots { Knot knots[]; };
 
-// Copies of meshes: where each stands, and their rows of materials.
-layout(set = 0, binding = 18, scalar) restrict readonly buffer Places { Place places[]; };
-layout(set = 0, binding = 19, scalar) restrict readonly buffer PlaceMaterials { uint place_materials[]; };
+// Texture coordinates of a point: those of the first set, and with SECOND_UVS, where some mesh has a second one, those.
+#ifdef SECOND_UVS
+#define Uv vec4
+Uv uv_of(vec2 uv) {
+    return uv.xyxy;
+}
+#else
+#define Uv vec2
+Uv uv_of(vec2 uv) {
+    return uv;
+}
+#endif
 
 #endif

@@ -17,6 +17,7 @@ mod device {
     mod night;
     mod parity;
     mod paths;
+    mod reports;
     mod times;
     mod twins;
     mod worker;

@@ -49,14 +49,16 @@ use samples::QUAD;
 struct Folder(tempfile::TempDir);
 
 impl Folder {
-    fn new(files: &[(&str, &str)]) -> Folder {
+    fn new<B: AsRef<[u8]>>(files: &[(&str, B)]) -> Folder {
         let folder = Folder(tempfile::tempdir().unwrap());
-        files.iter().for_each(|(name, text)| folder.write(name, text));
+        files.iter().for_each(|(name, bytes)| folder.write(name, bytes));
         folder
     }
 
     fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
-        std::fs::write(self.path(name), bytes).unwrap();
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
     }
 
     fn path(&self, name: &str) -> PathBuf {

@@ -31,8 +31,8 @@ use common::{SceneBuilder, grey, job, light};
 
 fn scene() -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
-    let texture = builder.texture(Texture { width: 1, height: 2, texels: vec![[0.5; 3], [0.1, 0.2, 0.3]] });
-    let sky = Texture { width: 1, height: 1, texels: vec![[1.0, 2.0, 3.0]] };
+    let texture = builder.texture(Texture::new(1, 2, vec![[0.5; 3], [0.1, 0.2, 0.3]]));
+    let sky = Texture::new(1, 1, vec![[1.0, 2.0, 3.0]]);
     builder
         .quad(Vec3::NEG_ONE, Vec3::X, Vec3::Y, Material { base_color_texture: texture, ..grey(0.5) })
         .sphere(Vec3::ONE, 0.5, light(2.0))
@@ -87,11 +87,46 @@ fn a_run_in_a_worker_is_the_run_itself() {
     assert_eq!(pool.worker_id(), worker, "one worker for all");
 }
 
+/// Sizes of the files without a name that this process has open in a folder.
+#[cfg(target_os = "linux")]
+fn unnamed_in(folder: &std::path::Path) -> Vec<u64> {
+    let open = std::fs::read_dir("/proc/self/fd").unwrap().map(|entry| entry.unwrap().path());
+    let here = |file: &std::path::PathBuf| std::fs::read_link(file).is_ok_and(|to| to.starts_with(folder));
+    open.filter(here).map(|file| std::fs::metadata(file).unwrap().len()).collect()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
+    let memory = tempfile::tempdir().unwrap();
+    let launcher = Launcher::new(env!("CARGO_BIN_EXE_lumbre").into(), ["worker"]);
+    let open = |films: Option<&std::path::Path>| {
+        let pool = Pool::new(Launcher { films: films.map(Into::into), ..launcher.clone() });
+        let run = pool.open("mock", &scene(), request()).unwrap();
+        (pool, run)
+    };
+    let mut here = MockRenderer::new(scene(), request());
+    // Of a folder that is not there nothing is said: the pipe does as well.
+    let (nowhere, bytes) = (memory.path().join("nowhere"), 12 * 8 * size_of::<[f64; 6]>() as u64);
+    let (mut ways, mut sizes) = (vec![open(Some(memory.path())), open(None), open(Some(&nowhere))], vec![0, bytes]);
+    for samples in [3, 4] {
+        assert_eq!(unnamed_in(memory.path()), [sizes.remove(0)]);
+        let stats = here.advance(samples).unwrap();
+        for (_, there) in &mut ways {
+            assert_eq!(there.advance(samples).unwrap(), stats);
+            assert!(there.film() == here.film());
+        }
+    }
+    drop(ways);
+    assert!(unnamed_in(memory.path()).is_empty(), "it goes with its run");
+    assert_eq!(std::fs::read_dir(memory.path()).unwrap().count(), 0);
+}
+
 /// One of everything that a scene can have, and a job that asks for all of it.
 fn everything() -> (Arc<CompiledScene>, Job) {
     let mut builder = SceneBuilder::new(Vec3::new(0.2, 0.5, 3.0), Vec3::ZERO, 50.0);
-    let texels = (0..6).map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4]).collect();
-    let map = builder.texture(Texture { width: 3, height: 2, texels });
+    let texels: Vec<[f32; 3]> = (0..6).map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4]).collect();
+    let map = builder.texture(Texture::new(3, 2, texels));
     let disney = Material {
         model: Model::Disney,
         metallic: 0.5,
@@ -111,7 +146,7 @@ fn everything() -> (Arc<CompiledScene>, Job) {
     let metal = Interface { distribution: Distribution::Beckmann, eta: Vec3::splat(0.2), ..Interface::PLAIN };
     let leaf = Material { mask_texture: map, mask_threshold: 0.3, ..grey(0.6) };
     let cloud = Material { mask_texture: map, mask_mode: MaskMode::Blend, opacity: 0.5, ior: 1.3, ..grey(0.9) };
-    let sky = Texture { width: 2, height: 1, texels: vec![[1.0, 2.0, 3.0], [0.5; 3]] };
+    let sky = Texture::new(2, 1, vec![[1.0, 2.0, 3.0], [0.5; 3]]);
     let scene = builder
         .quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, disney)
         .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)
@@ -228,7 +263,8 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
 fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another() {
     let arguments = vec!["worker".to_owned()];
     let silence = 4 * BEAT;
-    let pool = Pool::new(Launcher { program: env!("CARGO_BIN_EXE_lumbre").into(), arguments, silence });
+    let program = env!("CARGO_BIN_EXE_lumbre").into();
+    let pool = Pool::new(Launcher { program, arguments, silence, films: None });
     let mut first = pool.open("mock", &scene(), request()).unwrap();
     first.advance(3).unwrap();
     let saved = state(&first);
@@ -264,7 +300,7 @@ fn what_is_no_worker_is_said() {
     // What never answers is given up soon; what does may take a while to start.
     let open = |program: &str, arguments: &[&str], silence: Duration| {
         let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
-        let pool = Pool::new(Launcher { program: program.into(), arguments, silence });
+        let pool = Pool::new(Launcher { program: program.into(), arguments, silence, films: None });
         pool.open("mock", &scene(), request()).err().unwrap().to_string()
     };
     #[cfg(unix)]

@@ -24,7 +24,8 @@ use lumbre::transport::sampler::SOBOL;
 #[global_allocator]
 static METER: meter::Meter = meter::Meter;
 
-/// Bytes that reading may take whatever the size of the files.
+/// Bytes that reading may take whatever the size of the files. Less than the 384 MiB of `tests/scenes/hostile.rs`, which has room
+/// for what many pictures make: here one file of one small sample is another, and pictures have their room below.
 const SMALL: usize = 96 << 20;
 /// How many times the size of the files reading may take beside that.
 const GROWTH: usize = 8192;

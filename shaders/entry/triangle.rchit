@@ -11,6 +11,7 @@ hitAttributeEXT vec2 weights;
 
 void main() {
     payload.hit = hit_of_instance(
-        gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, gl_HitTEXT, gl_InstanceCustomIndexEXT, gl_PrimitiveID, weights
+        gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, gl_HitTEXT, uint(gl_InstanceCustomIndexEXT), gl_PrimitiveID,
+        weights
     );
 }

@@ -11,11 +11,18 @@
 
 #include "film/sums.glsl"
 
+#ifdef TIMES
+// Slots of a pixel's time axis: its bins, and what comes before and after them.
+uint time_slots() {
+    return job.time_bins + 2u;
+}
+#endif
+
 // Slots of the picture: one for each pixel or, with a time axis, for each of its slots. Those of layers follow.
 uint splat_slots_of_picture() {
     uint pixels = job.resolution.x * job.resolution.y;
 #ifdef TIMES
-    pixels *= job.time_bins + 2u;
+    pixels *= time_slots();
 #endif
     return pixels;
 }

@@ -17,10 +17,6 @@ const uint MOST_TOUCHED = 24u;
 uint time_touched[MOST_TOUCHED];
 uint time_count;
 
-uint time_slots() {
-    return job.time_bins + 2u;
-}
-
 // Place of an optical length in bins from the start.
 double time_place(double optical) {
     return (optical - packDouble2x32(job.time_start)) / packDouble2x32(job.time_bin);

@@ -10,6 +10,9 @@ const uint DISTRIBUTION_GGX = 0u;
 const uint DISTRIBUTION_BECKMANN = 1u;
 const uint MASK_THRESHOLD = 0u;
 const uint MASK_BLEND = 1u;
+const uint WRAP_REPEAT = 0u;
+const uint WRAP_MIRROR = 1u;
+const uint WRAP_CLAMP = 2u;
 const uint FILTER_BOX = 0u;
 const uint FILTER_TENT = 1u;
 const uint FILTER_GAUSS = 2u;
@@ -32,6 +35,10 @@ const uint STEP_CLOSEST = 1u;
 const uint STEP_SHADOW = 2u;
 const uint STEP_LIGHT = 3u;
 const uint MOST_STEPS = 256u;
+const uint INSTANCE_TRIANGLES = 0u;
+const uint INSTANCE_SPHERES = 1u;
+const uint INSTANCE_COPIES = 2u;
+const uint BVH_STACK = 32u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {
@@ -142,6 +149,12 @@ struct Texture {
     uint first; // Index of the first texel.
     uint width; // Columns.
     uint height; // Rows.
+    uvec2 wrap; // What is beyond the edges along u and v: WRAP_REPEAT and so on.
+    uint second; // 1 where the second set of texture coordinates is meant, else 0.
+    uint moved; // 1 where coordinates are moved by the three below, else 0.
+    vec2 map_u; // Where the map takes growing u.
+    vec2 map_v; // Where the map takes growing v.
+    vec2 map_origin; // Where the map takes (0, 0).
 };
 
 // One emissive primitive.
@@ -172,6 +185,16 @@ struct Place {
     uint materials; // First row in `place_materials`.
     uint emitters; // Row in `emitters` of the first of its triangles that shine.
     uint first; // The number of its first triangle where nothing is shared.
+};
+
+// How rays enter the space of a copy's mesh: `render::entrance::Entrance`.
+struct Entrance {
+    vec3 inverse_x; // From directions of the world to those of the mesh, first column.
+    vec3 inverse_y; // Second column.
+    vec3 inverse_z; // Third column.
+    vec3 pivot_world; // The middle of the mesh's box in the world.
+    vec3 pivot_own; // The same in the mesh's space.
+    uint root; // The first node of the mesh's tree.
 };
 
 // A point that shines in all directions or into a cone.
@@ -232,6 +255,7 @@ struct Job {
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.
     uint first_color; // First of three texels for each triangle that multiply base colours at its corners, or NONE.
+    uint first_second_uv; // First of three texels for each triangle that hold its second texture coordinates, or NONE.
     uint light_count; // Number of lights.
     uvec3 light_first; // Index of the first point, direction, environment among the lights.
     uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.

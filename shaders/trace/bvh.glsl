@@ -3,6 +3,8 @@
 //   0: corner of its box (3 floats); exponents of the box's grid (3 bytes) and which children are nodes (1 byte)
 //   1: first child node; first primitive; meta data of the eight children
 //   2, 3, 4: least and greatest grid coordinates of the eight children in x, in y, in z
+// Node 0 is the root of the scene's tree. With COPIES some of its primitives are copies of meshes: there the ray goes on in the
+// space of the mesh, through a tree of its own, on the same stack.
 #ifndef TRACE_BVH_GLSL
 #define TRACE_BVH_GLSL
 
@@ -10,9 +12,9 @@
 #include "transport/surface.glsl"
 
 layout(set = 0, binding = 29, scalar) readonly buffer Nodes { uvec4 nodes[]; };
+// Triangles, then spheres, then copies.
 layout(set = 0, binding = 30, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
-
-const uint STACK = 32u;
+layout(set = 0, binding = 31, scalar) readonly buffer Entrances { Entrance entrances[]; };
 
 // A ray as nodes see it.
 struct BoxRay {
@@ -65,10 +67,7 @@ uint node_hits(uvec4 n0, uvec4 n1, uint node, BoxRay ray, float t_max) {
     return hits;
 }
 
-// The nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
-bool traverse(Ray ray, float t_max, bool any, out Hit best) {
-    best = Hit(t_max, NONE, NONE, vec2(0.0));
-    ShearedRay shear = sheared_ray(ray);
+BoxRay box_ray(Ray ray) {
     BoxRay boxed;
     boxed.origin = ray.origin;
     // A zero component would make 0 * inf = NaN on a box's plane; a tiny one is as good and stays finite.
@@ -78,11 +77,37 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
     boxed.backward = lessThan(dir, vec3(0.0));
     boxed.octant = (boxed.backward.x ? 0u : 0x04040404u) | (boxed.backward.y ? 0u : 0x02020202u)
         | (boxed.backward.z ? 0u : 0x01010101u);
-    uvec2 stack[STACK];
+    return boxed;
+}
+
+#ifdef COPIES
+// Widens the distance beyond which nothing in the space of a copy matters: what that space says of a distance is not its last
+// word.
+const float LIMIT_SLACK = 1.0 + 1.0 / 1048576.0;
+
+// The ray in the space of a copy's mesh, as src/render/entrance.rs has it.
+Ray entrance_enter(Entrance e, Ray ray) {
+    mat3 inverse = mat3(e.inverse_x, e.inverse_y, e.inverse_z);
+    return Ray(inverse * (ray.origin - e.pivot_world) + e.pivot_own, inverse * ray.dir);
+}
+#endif
+
+// The nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
+bool traverse(Ray ray, float t_max, bool any, out Hit best) {
+    best = Hit(t_max, NONE, NONE, vec2(0.0));
+    ShearedRay shear = sheared_ray(ray);
+    BoxRay boxed = box_ray(ray);
+    uvec2 stack[BVH_STACK];
     uint depth = 0u;
-    bool there = job.triangle_count + job.sphere_count > 0u;
-    // Node groups: first child, and above bit 24 which of them wait; primitive groups likewise below bit 24.
-    uvec2 group = uvec2(0u, there ? 0x80000000u : 0u);
+    uint instance = NONE;
+    // A group of nodes: the first child, and above bit 24 which of them wait. A group of primitives: likewise below bit 24.
+    // Neither: the way back from a copy to the world.
+    uvec2 group = uvec2(0u, 0x80000000u);
+#ifdef COPIES
+    uint first_copy = job.triangle_count + job.sphere_count;
+#else
+    group.y = job.triangle_count + job.sphere_count > 0u ? group.y : 0u;
+#endif
     while (true) {
         uvec2 leaf = uvec2(0u);
         if ((group.y & 0xff000000u) != 0u) {
@@ -95,20 +120,57 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
             uint node = 5u * (group.x + bitCount(group.y & ~(0xffffffffu << slot)));
             uvec4 n0 = nodes[node];
             uvec4 n1 = nodes[node + 1u];
+#ifdef COPIES
+            uint hits = node_hits(n0, n1, node, boxed, instance == NONE ? best.t : best.t * LIMIT_SLACK);
+#else
             uint hits = node_hits(n0, n1, node, boxed, best.t);
+#endif
             group = uvec2(n1.x, (hits & 0xff000000u) | (n0.w >> 24));
             leaf = uvec2(n1.y, hits & 0x00ffffffu);
         }
+#ifdef COPIES
+        else if (group.y != 0u) {
+            leaf = group;
+            group.y = 0u;
+        }
+#endif
         while (leaf.y != 0u) {
             uint place = uint(findMSB(leaf.y));
             leaf.y &= ~(1u << place);
             Hit hit;
             hit.primitive = leaf_primitives[leaf.x + place];
-            hit.instance = NONE;
+            hit.instance = instance;
             hit.uv = vec2(0.0);
+#ifdef COPIES
+            if (hit.primitive >= first_copy) {
+                // What else waits here is for later, in the world.
+                if ((group.y & 0xff000000u) != 0u) {
+                    stack[depth++] = group;
+                }
+                if (leaf.y != 0u) {
+                    stack[depth++] = leaf;
+                }
+                stack[depth++] = uvec2(0u);
+                instance = hit.primitive - first_copy;
+                Ray own = entrance_enter(entrances[instance], ray);
+                shear = sheared_ray(own);
+                boxed = box_ray(own);
+                group = uvec2(entrances[instance].root, 0x80000000u);
+                break;
+            }
+#endif
             bool found;
             if (hit.primitive < job.triangle_count) {
+#ifdef COPIES
+                float limit = instance == NONE ? best.t : best.t * LIMIT_SLACK;
+                found = intersect_triangle(shear, triangles[hit.primitive], limit, hit.t, hit.uv);
+                if (found && instance != NONE) {
+                    hit.t = copy_distance(ray.origin, ray.dir, hit.primitive, instance);
+                    found = hit.t > 0.0 && hit.t < best.t;
+                }
+#else
                 found = intersect_triangle(shear, triangles[hit.primitive], best.t, hit.t, hit.uv);
+#endif
             } else {
                 found = intersect_sphere(spheres[hit.primitive - job.triangle_count], ray, best.t, hit.t);
             }
@@ -119,12 +181,28 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
                 }
             }
         }
+#ifdef COPIES
+        bool done = group.y <= 0x00ffffffu;
+        while (done) {
+            if (depth == 0u) {
+                return best.primitive != NONE;
+            }
+            group = stack[--depth];
+            done = group.y == 0u;
+            if (done) {
+                instance = NONE;
+                shear = sheared_ray(ray);
+                boxed = box_ray(ray);
+            }
+        }
+#else
         if ((group.y & 0xff000000u) == 0u) {
             if (depth == 0u) {
                 return best.primitive != NONE;
             }
             group = stack[--depth];
         }
+#endif
     }
     return false;
 }

@@ -19,7 +19,7 @@ bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
             vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
             Hit candidate = hit_of_instance(
                 ray.origin, ray.dir, rayQueryGetIntersectionTEXT(query, false),
-                rayQueryGetIntersectionInstanceCustomIndexEXT(query, false), int(i), uv
+                uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false)), int(i), uv
             );
             if (candidate.t > 0.0 && !is_masked_out(ray, candidate)) {
                 rayQueryConfirmIntersectionEXT(query);
@@ -38,7 +38,7 @@ bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
         return false;
     }
     float t = rayQueryGetIntersectionTEXT(query, true);
-    int custom = rayQueryGetIntersectionInstanceCustomIndexEXT(query, true);
+    uint custom = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));
     int i = rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
     if (custom == INSTANCE_SPHERES) {
         hit = Hit(t, job.triangle_count + uint(i), NONE, vec2(0.0));

@@ -125,10 +125,15 @@ void flight_leave(inout Flight f, vec3 from, float eta) {
 #endif
 }
 
-// When light comes from outside the scene along the edge that is on its way, whose direction is `dir`.
+// When light comes from outside the scene along the edge that is on its way, whose direction is `dir`. Zero without a time
+// axis.
 Length flight_escaped(Flight f, vec3 dir) {
+#ifdef TIMES
     Length length = stamp_arrived(f.stamp);
     return f.free ? length : length + Length(f.stamp.index * lights_lead(f.from, dir));
+#else
+    return Length(0.0);
+#endif
 }
 
 // When light arrives that a vertex gives back from a point of a light at `distance` towards `wi`; an infinite distance is that

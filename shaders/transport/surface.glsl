@@ -29,7 +29,7 @@ struct Surface {
     vec3 n_geometric;
     vec3 n_shading;
     vec3 tangent;
-    vec2 uv;
+    Uv uv;
     vec3 tint;
     uint material;
     uint emitter;
@@ -52,24 +52,53 @@ bool overhang_refuses(Overhang o, DirectSample direct) {
     return o.present && below != o.raised;
 }
 
-// The two texels around a coordinate that repeats with period 1, and the weight of the second.
-uvec2 neighbours(float coordinate, uint size, out float weight) {
+// The two texels around a coordinate in which the picture has length 1, and the weight of the second.
+uvec2 neighbours(float coordinate, uint size, uint wrap, out float weight) {
     float wrapped = coordinate - floor(coordinate);
+    if (wrap == WRAP_MIRROR) {
+        // Forth and back again.
+        wrapped = coordinate - 2.0 * floor(coordinate * 0.5);
+    } else if (wrap == WRAP_CLAMP) {
+        wrapped = is_finite(coordinate) ? clamp(coordinate, 0.0, 1.0) : 0.0;
+    }
     float x = (is_finite(wrapped) ? wrapped : 0.0) * float(size) - 0.5;
     float low = floor(x);
-    // -1 is the last texel, and 1 - epsilon may be rounded to the size.
-    uint first = low < 0.0 ? size - 1u : uint(low) % size;
     weight = x - low;
-    return uvec2(first, (first + 1u) % size);
+    if (wrap == WRAP_REPEAT) {
+        // -1 is the last texel, and 1 - epsilon may be rounded to the size.
+        uint first = low < 0.0 ? size - 1u : uint(low) % size;
+        return uvec2(first, (first + 1u) % size);
+    }
+    int last = int(size) - 1;
+    ivec2 texel = ivec2(int(low), int(low) + 1);
+    if (wrap == WRAP_MIRROR) {
+        texel.x = texel.x > last ? 2 * last + 1 - texel.x : texel.x;
+        texel.y = texel.y > last ? 2 * last + 1 - texel.y : texel.y;
+    }
+    return uvec2(clamp(texel, 0, last));
 }
 
-// The colour at texture coordinates, interpolated between the centres of four texels: see `Texture::bilinear`.
-vec3 texture_bilinear(uint index, vec2 uv) {
+// The place in a texture of texture coordinates on a surface with this tiling.
+vec2 texture_place(uint index, Uv uv, float scale, vec2 offset) {
+#ifdef SECOND_UVS
+    vec2 own = (textures[index].second != 0u ? uv.zw : uv.xy) * scale + offset;
+#else
+    vec2 own = uv * scale + offset;
+#endif
+    if (textures[index].moved == 0u) {
+        return own;
+    }
+    return textures[index].map_u * own.x + textures[index].map_v * own.y + textures[index].map_origin;
+}
+
+// The colour at a place, interpolated between the centres of four texels: see `Texture::bilinear`.
+vec3 texture_bilinear(uint index, vec2 place) {
     Texture t = textures[index];
     vec2 f;
-    uvec2 x = neighbours(uv.x, t.width, f.x);
-    // Row 0 is the top of the picture, v = 0 its bottom.
-    uvec2 y = neighbours(-uv.y, t.height, f.y);
+    uvec2 x = neighbours(place.x, t.width, t.wrap.x, f.x);
+    // Row 0 is the top of the picture, v = 0 its bottom; where it repeats these are one.
+    float top = t.wrap.y == WRAP_REPEAT ? 0.0 : 1.0;
+    uvec2 y = neighbours(top - place.y, t.height, t.wrap.y, f.y);
     uvec2 rows = t.first + y * t.width;
     vec3 upper = mix(texels[rows.x + x.x], texels[rows.x + x.y], f.x);
     vec3 lower = mix(texels[rows.y + x.x], texels[rows.y + x.y], f.x);
@@ -77,15 +106,16 @@ vec3 texture_bilinear(uint index, vec2 uv) {
 }
 
 // A texture's colour at texture coordinates of a material's surface, or white where there is no texture.
-vec3 lookup(uint index, vec2 uv, uint material) {
+vec3 lookup(uint index, Uv uv, uint material) {
     if (index == NONE) {
         return vec3(1.0);
     }
-    return texture_bilinear(index, uv * materials[material].tiling_scale + materials[material].tiling_offset);
+    vec2 place = texture_place(index, uv, materials[material].tiling_scale, materials[material].tiling_offset);
+    return texture_bilinear(index, place);
 }
 
 // A texture's red channel, or `scalar` where there is no texture.
-float lookup_scalar(uint index, vec2 uv, uint material, float scalar) {
+float lookup_scalar(uint index, Uv uv, uint material, float scalar) {
     return index == NONE ? scalar : lookup(index, uv, material).x;
 }
 
@@ -94,18 +124,30 @@ vec2 sphere_uv(vec3 n) {
     return vec2(atan2(n.x, n.z) / TAU + 0.5, 1.0 - arc_cos(clamp(n.y, -1.0, 1.0)) / PI);
 }
 
+// Texture coordinates at barycentric coordinates of a triangle.
+Uv triangle_uv(uint primitive, vec2 at) {
+    TriangleAttributes a = attributes[primitive];
+    vec2 own = a.ta * (1.0 - at.x - at.y) + a.tb * at.x + a.tc * at.y;
+#ifdef SECOND_UVS
+    uint first = job.first_second_uv + 3u * primitive;
+    vec3 second = texels[first] * (1.0 - at.x - at.y) + texels[first + 1u] * at.x + texels[first + 2u] * at.y;
+    return Uv(own, second.xy);
+#else
+    return own;
+#endif
+}
+
 // Texture coordinates at a hit of `ray`.
-vec2 uv_at(Ray ray, Hit hit) {
+Uv uv_at(Ray ray, Hit hit) {
     if (hit.primitive < job.triangle_count) {
-        TriangleAttributes a = attributes[hit.primitive];
-        return a.ta * (1.0 - hit.uv.x - hit.uv.y) + a.tb * hit.uv.x + a.tc * hit.uv.y;
+        return triangle_uv(hit.primitive, hit.uv);
     }
     vec3 center = spheres[hit.primitive - job.triangle_count].center;
-    return sphere_uv(normalize_or(ray.origin + ray.dir * hit.t - center, -ray.dir));
+    return uv_of(sphere_uv(normalize_or(ray.origin + ray.dir * hit.t - center, -ray.dir)));
 }
 
 // How much of a material there is at texture coordinates: see Rust.
-float coverage(uint material, vec2 uv) {
+float coverage(uint material, Uv uv) {
     uint index = materials[material].mask_texture;
     if (index == NONE) {
         return 1.0;
@@ -133,15 +175,21 @@ bool is_masked_out(Ray ray, Hit hit) {
     return unit(pcg4d(placed).x) >= covered;
 }
 
+// A triangle that was met, in world space; of a sphere nothing in it means anything.
+struct Face {
+    Triangle corners;
+    TriangleAttributes attributes;
+};
+
 // The smooth surface above this point of a triangle, where the corner normals suggest one on the side the ray came from.
-Overhang find_overhang(Surface s, Ray ray, Hit hit) {
+Overhang find_overhang(Surface s, Face face, Ray ray, Hit hit) {
     bool opaque = materials[s.material].opacity >= 1.0 && materials[s.material].opacity_texture == NONE;
     bool metal = !(materials[s.material].metallic < 1.0) && materials[s.material].metallic_texture == NONE;
     if (!opaque && !metal) {
         return NO_OVERHANG;
     }
-    Triangle corners = triangle_corners(hit.primitive, hit.instance);
-    TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+    Triangle corners = face.corners;
+    TriangleAttributes a = face.attributes;
     vec3 lift = a.na * (dot(s.position - corners.a, a.na) * -(1.0 - hit.uv.x - hit.uv.y))
         - a.nb * (dot(s.position - corners.b, a.nb) * hit.uv.x)
         - a.nc * (dot(s.position - corners.c, a.nc) * hit.uv.y);
@@ -159,9 +207,10 @@ vec3 surface_in_front(Surface s, vec3 n) {
 }
 
 // Tilts the normal by the slopes of the bump map: see Rust.
-void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
+void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
     uint bump_map = materials[s.material].bump_texture;
-    vec2 place = s.uv * materials[s.material].tiling_scale + materials[s.material].tiling_offset;
+    vec2 place =
+        texture_place(bump_map, s.uv, materials[s.material].tiling_scale, materials[s.material].tiling_offset);
     vec2 texel = 1.0 / vec2(textures[bump_map].width, textures[bump_map].height);
     vec2 slopes = vec2(0.0);
     // One call of the look-up, for the sake of compilers.
@@ -170,15 +219,27 @@ void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
         vec2 along = i < 2 ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
         slopes += along * (side * texture_bilinear(bump_map, place + along * texel * (0.5 * side)).x);
     }
-    slopes = slopes / texel * (materials[s.material].tiling_scale * materials[s.material].bump_height);
+    slopes /= texel;
+    // Along the map's own coordinates, then along those of the surface.
+    if (textures[bump_map].moved != 0u) {
+        slopes = vec2(dot(textures[bump_map].map_u, slopes), dot(textures[bump_map].map_v, slopes));
+    }
+    slopes *= materials[s.material].tiling_scale * materials[s.material].bump_height;
     vec3 first, second;
     vec2 rises = slopes;
     if (hit.primitive < job.triangle_count) {
-        Triangle corners = triangle_corners(hit.primitive, hit.instance);
-        TriangleAttributes a = attributes[hit.primitive];
+        Triangle corners = face.corners;
+        TriangleAttributes a = face.attributes;
         first = corners.b - corners.a;
         second = corners.c - corners.a;
         rises = vec2(dot(slopes, a.tb - a.ta), dot(slopes, a.tc - a.ta));
+#ifdef SECOND_UVS
+        if (textures[bump_map].second != 0u) {
+            uint row = job.first_second_uv + 3u * hit.primitive;
+            vec2 corner = texels[row].xy;
+            rises = vec2(dot(slopes, texels[row + 1u].xy - corner), dot(slopes, texels[row + 2u].xy - corner));
+        }
+#endif
     } else {
         float along = spheres[hit.primitive - job.triangle_count].radius * PI;
         vec3 east = vec3(smooth_normal.z, 0.0, -smooth_normal.x);
@@ -191,13 +252,12 @@ void surface_emboss(inout Surface s, Hit hit, vec3 smooth_normal) {
 }
 
 // Applies the normal map and finds the direction of anisotropy.
-void surface_orient(inout Surface s, Hit hit) {
+void surface_orient(inout Surface s, Face face, Hit hit) {
     // MikkTSpace decodes with interpolated vectors that are not made unit vectors again.
     vec3 n_axis = s.n_shading, u_axis, v_axis;
     if (hit.primitive < job.triangle_count) {
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
-        Triangle corners = triangle_corners(hit.primitive, hit.instance);
-        TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+        TriangleAttributes a = face.attributes;
         Tangents t = triangle_tangents(hit.primitive, hit.instance);
         n_axis = a.na * weights.x + a.nb * weights.y + a.nc * weights.z;
         u_axis = (t.a * weights.x + t.b * weights.y + t.c * weights.z).xyz;
@@ -245,18 +305,21 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
     s.material = material;
     s.tangent = vec3(0.0);
     s.overhang = NO_OVERHANG;
+    Face face;
     if (hit.primitive < job.triangle_count) {
-        Triangle corners = triangle_corners(hit.primitive, hit.instance);
-        TriangleAttributes a = triangle_attributes(hit.primitive, hit.instance, corners);
+        face.corners = triangle_corners(hit.primitive, hit.instance);
+        face.attributes = triangle_attributes(hit.primitive, hit.instance, face.corners);
+        Triangle corners = face.corners;
+        TriangleAttributes a = face.attributes;
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
         s.position = corners.a * weights.x + corners.b * weights.y + corners.c * weights.z;
         s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
         s.n_shading = normalize_or(a.na * weights.x + a.nb * weights.y + a.nc * weights.z, s.n_geometric);
-        s.uv = a.ta * weights.x + a.tb * weights.y + a.tc * weights.z;
+        s.uv = triangle_uv(hit.primitive, hit.uv);
         s.tint = tint_at(hit.primitive, hit.uv);
         s.emitter = emitter_of(hit.primitive, hit.instance);
         if (materials[s.material].shadow_terminator != 0u) {
-            s.overhang = find_overhang(s, ray, hit);
+            s.overhang = find_overhang(s, face, ray, hit);
         }
     } else {
         Sphere ball = spheres[hit.primitive - job.triangle_count];
@@ -264,16 +327,16 @@ Surface surface_of_material(Ray ray, Hit hit, uint material) {
         s.position = ball.center + n * ball.radius;
         s.n_geometric = n;
         s.n_shading = n;
-        s.uv = sphere_uv(n);
+        s.uv = uv_of(sphere_uv(n));
         s.tint = vec3(1.0);
         s.emitter = ball.emitter;
     }
     vec3 smooth_normal = s.n_shading;
     if (uses_tangents(s.material)) {
-        surface_orient(s, hit);
+        surface_orient(s, face, hit);
     }
     if (materials[s.material].bump_texture != NONE) {
-        surface_emboss(s, hit, smooth_normal);
+        surface_emboss(s, face, hit, smooth_normal);
     }
     return s;
 }

@@ -3,6 +3,24 @@
 use std::io::Write;
 use std::process::ExitCode;
 
+/// What the help says below the options: how the program ends, and where its words go.
+pub const EXPLAINED: &str = "\
+Exit codes:
+    0  all done
+    1  internal error
+    2  usage, script or scene error, found before any work
+    3  some cells failed
+    4  a limit was reached with work left
+    5  verification failed
+    6  a second technique contradicts a reference
+   75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
+  130  ended by Ctrl-C (128 plus the signal's number by a second signal, at once)
+
+Every end but the last writes a checkpoint: the same command goes on to the same bytes.
+SIGHUP, from a terminal that closed, writes one now, and the night goes on.
+
+Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
+
 /// How the program ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
@@ -123,4 +141,25 @@ pub fn hook_panics() {
             what.unwrap_or("no message")
         ));
     }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_exit_code_is_explained_in_the_help_and_in_the_readme() {
+        use Exit::{
+            CellsFailed, Checkpointed, Disagreement, Done, Internal, Interrupted, NotVerified, Usage, WorkLeft,
+        };
+        let readme = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md"));
+        let (_, told) = readme.split_once("Exit codes:").unwrap();
+        let told: Vec<&str> = told.split("\n\n").next().unwrap().split_whitespace().collect();
+        let all = [Done, Internal, Usage, CellsFailed, WorkLeft, NotVerified, Disagreement, Checkpointed, Interrupted];
+        for code in all.map(|exit| exit.code().to_string()) {
+            let line = format!("{code}  ");
+            assert!(EXPLAINED.lines().any(|l| l.trim_start().starts_with(&line)), "{code} in the help");
+            assert!(told.contains(&code.as_str()), "{code} in the README");
+        }
+    }
 }

@@ -74,7 +74,7 @@ impl Ahead {
     /// What is to be rendered in turns and does not fit into this machine's memory.
     fn crowded(&self) -> Option<String> {
         let [_, all] = memory::machine()?;
-        memory::refusal(self.estimate.heat_runs, self.estimate.heat_bytes, all)
+        memory::refusal(self.estimate.heat_runs, self.estimate.heat_bytes, memory::Room::Machine(all))
     }
 }
 

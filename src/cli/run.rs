@@ -17,6 +17,7 @@ use crate::experiment::event::{History, Level};
 use crate::experiment::forecast::Paces;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
+use crate::experiment::spec::FigureX;
 use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, control, run};
 use crate::output::devices::Devices;
 use crate::output::{plot, summary, table};
@@ -122,8 +123,9 @@ fn carry_out(script: &Script, plan: &Arc<Plan>, how: &How<'_>, global: &Global, 
     // What a narrowed night left alone is there nonetheless, and belongs into tables and figures, as does what was for
     // another's device.
     let night = if only_failed || !night.apart.is_empty() { with_the_rest(night, plan, &store) } else { night };
-    let written = write_evidence(&store, plan, &night);
-    print_tables(&store, plan, &night)?;
+    let devices = devices_of(&store, plan, &night);
+    let written = write_evidence(&store, plan, &night, &devices);
+    print_tables(plan, &night, &devices)?;
     if !told {
         say_failures(plan, &night);
     }
@@ -304,12 +306,16 @@ fn say_backends(plan: &Plan) {
 }
 
 /// Writes the summary, figures and tables of what is there, be it a whole night or part of one.
-pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
+pub(super) fn write_evidence(
+    store: &Store,
+    plan: &Plan,
+    night: &NightSummary,
+    devices: &Devices,
+) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
-    let devices = devices_of(store, plan, night);
     for spec in &plan.tables {
-        for table in table::tables(plan, spec, &night.results, &devices) {
+        for table in table::tables(plan, spec, &night.results, devices) {
             for format in &spec.formats {
                 let (extension, text) = match format {
                     crate::experiment::spec::TableFormat::Md => ("md", table.to_markdown()),
@@ -320,7 +326,7 @@ pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -
         }
     }
     for spec in &plan.figures {
-        for figure in plot::figures(plan, spec, &night.results, &devices) {
+        for figure in plot::figures(plan, spec, &night.results, devices) {
             let stem = &figure.stem;
             write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
             write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
@@ -339,14 +345,19 @@ pub(super) fn write_evidence(store: &Store, plan: &Plan, night: &NightSummary) -
     Ok(())
 }
 
-/// What the cells were rendered on, where figures or tables show times.
-fn devices_of(store: &Store, plan: &Plan, night: &NightSummary) -> Devices {
+/// What the cells were rendered on, where figures or tables show a clock: nothing else needs to know, and every run has to
+/// be asked.
+pub(super) fn devices_of(store: &Store, plan: &Plan, night: &NightSummary) -> Devices {
+    let timed = plan.tables.iter().any(|spec| table::is_clock(&spec.value))
+        || plan.figures.iter().any(|spec| spec.x == FigureX::RenderS);
+    if !timed {
+        return Devices::default();
+    }
     Devices::new(plan, &night.results, |result| store.device(plan, result))
 }
 
-pub(super) fn print_tables(store: &Store, plan: &Plan, night: &NightSummary) -> Result<(), Failure> {
-    let devices = devices_of(store, plan, night);
-    let tables = plan.tables.iter().flat_map(|spec| table::tables(plan, spec, &night.results, &devices));
+pub(super) fn print_tables(plan: &Plan, night: &NightSummary, devices: &Devices) -> Result<(), Failure> {
+    let tables = plan.tables.iter().flat_map(|spec| table::tables(plan, spec, &night.results, devices));
     data(&tables.map(|table| table.to_markdown()).collect::<Vec<_>>().join("\n"))
 }
 

@@ -9,18 +9,13 @@ use super::args::{Global, TraceArgs};
 use super::exit::{Exit, Failure, data, talk};
 use super::load;
 use super::reproduce::again;
-use crate::render::hierarchy::AccelSpec;
 use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, backend};
-use crate::scene::compile::NONE;
+use crate::scene::compile::{MOST_UNFOLDED, NONE};
 use crate::scene::{CompiledScene, compile};
-use crate::transport::camera::FilterSpec;
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::transport::sampler::{SAMPLER_NAMES, sampler};
 use crate::value::suggest;
-
-/// Triangles and spheres up to which scenes with copies of meshes are unfolded.
-const MOST_UNFOLDED: usize = 1 << 24;
 
 /// Prints the steps.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
@@ -75,20 +70,12 @@ fn of_scene(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Jo
         Failure::usage(format!("there is no {what} `{name}` ({help})"))
     };
     let names = || INTEGRATORS.iter().map(|row| row.name).collect();
+    let technique = integrator(&args.integrator).ok_or_else(|| unknown("integrator", &args.integrator, names()))?;
+    let resolution = args.size.unwrap_or(scene.resolution);
     let job = Job {
-        integrator: integrator(&args.integrator).ok_or_else(|| unknown("integrator", &args.integrator, names()))?,
-        params: Default::default(),
-        resolution: args.size.unwrap_or(scene.resolution),
-        max_depth: args.depth.unwrap_or(scene.max_depth),
-        rr_start: None,
-        filter: FilterSpec::PIXEL,
-        layers: Vec::new(),
-        timing: None,
-        accel: AccelSpec::default(),
         sampler: sampler(&args.sampler).ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
-        seed: args.seed,
-        first_sample: 0,
         threads: global.threads,
+        ..Job::plain(technique, resolution, args.depth.unwrap_or(scene.max_depth), args.seed)
     };
     Ok((Arc::new(scene), job))
 }

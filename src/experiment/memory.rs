@@ -25,7 +25,8 @@ pub fn run_bytes(config: &CellConfig) -> u64 {
     pixels(config) * each + beside_bytes(config)
 }
 
-fn pixels(config: &CellConfig) -> u64 {
+/// Pixels of the picture; 0 where its size is still open.
+pub(super) fn pixels(config: &CellConfig) -> u64 {
     let [width, height] = config.resolution.unwrap_or_default();
     u64::from(width) * u64::from(height)
 }
@@ -34,16 +35,28 @@ fn splats(config: &CellConfig) -> bool {
     integrator(&config.integrator).is_some_and(|row| row.splats)
 }
 
-/// Why runs that take turns, and so are in memory together, cannot be rendered where so many bytes are free; nothing
-/// where they can.
-pub fn refusal(runs: usize, need: u64, free: u64) -> Option<String> {
-    let gib = |bytes: u64| bytes as f64 / (1u64 << 30) as f64;
-    (need > free).then(|| {
+/// Bytes that there are for what is to be rendered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Room {
+    /// Those that can still be had.
+    Free(u64),
+    /// All of the machine's, whatever else is in them.
+    Machine(u64),
+}
+
+/// Why runs that take turns, and so are in memory together, cannot be rendered where there is so much room; nothing where
+/// they can.
+pub fn refusal(runs: usize, need: u64, room: Room) -> Option<String> {
+    let gib = |bytes: u64| format!("{:.1} GiB", bytes as f64 / (1u64 << 30) as f64);
+    let (most, there) = match room {
+        Room::Free(bytes) => (bytes, format!("{} are free", gib(bytes))),
+        Room::Machine(bytes) => (bytes, format!("this machine has {}", gib(bytes))),
+    };
+    (need > most).then(|| {
         format!(
-            "{runs} techniques that take turns on one picture need {:.1} GiB of memory together, and {:.1} GiB are free: \
-             take another order than \"interleave\", a smaller picture, or fewer films",
-            gib(need),
-            gib(free)
+            "{runs} techniques that take turns on one picture need {} of memory together, and {there}: take another order \
+             than \"interleave\", a smaller picture, or fewer films",
+            gib(need)
         )
     })
 }
@@ -76,12 +89,12 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_said_in_gibibytes() {
-        assert_eq!(refusal(3, 1 << 30, 1 << 30), None);
-        let reason = refusal(3, 5 << 29, 1 << 30).unwrap();
-        assert!(
-            reason.contains("3 techniques") && reason.contains("2.5 GiB") && reason.contains("1.0 GiB"),
-            "{reason}"
-        );
+        assert_eq!(refusal(3, 1 << 30, Room::Free(1 << 30)), None);
+        for (room, words) in [(Room::Free(1 << 30), "1.0 GiB are free"), (Room::Machine(1 << 30), "has 1.0 GiB")] {
+            let reason = refusal(3, 5 << 29, room).unwrap();
+            let words = ["3 techniques", "need 2.5 GiB", words];
+            assert!(words.iter().all(|part| reason.contains(part)), "{reason}");
+        }
     }
 
     #[test]

@@ -14,6 +14,7 @@ pub mod memory;
 pub mod outline;
 pub mod parts;
 pub mod plan;
+pub mod processor;
 pub mod run;
 pub mod spec;
 pub mod standing;

@@ -5,6 +5,8 @@
 //! A slot is a bin or one of the two beside them: slot 0 holds what arrives before the first bin, slot `bins + 1` what
 //! arrives after the last. So nothing is lost, and the sum over all slots, in their order, *is* the picture.
 
+use std::borrow::Borrow;
+
 use super::Image;
 
 /// The file in which a run leaves the mean radiance of every bin, an array of NumPy: [row][column][bin][rgb].
@@ -143,8 +145,11 @@ pub const SPLAT_BYTES_PER_SLOT: u64 = 96;
 /// The most bytes that the sums of one run with a time axis may take: 12 GiB.
 pub const MAX_BYTES: u64 = 12 << 30;
 
-/// The most bytes that sums with a time axis take: those of slots that light never reaches are not touched, and an
-/// operating system gives no memory for them.
+/// Up to so many bytes of own sums the CPU has in memory before a run's clock starts, and keeps for later runs: 1 GiB.
+pub const MAX_KEPT_BYTES: u64 = 1 << 30;
+
+/// The most bytes that sums with a time axis take: beyond [`MAX_KEPT_BYTES`] those of slots that light never reaches are not
+/// touched, and an operating system gives no memory for them.
 ///
 /// # Errors
 /// In words, when they are more than [`MAX_BYTES`].
@@ -234,8 +239,11 @@ impl TimeCube {
 
 /// The sum over the slots of a pixel, in their order.
 #[inline]
-pub fn total(slots: &[[f64; 3]]) -> [f64; 3] {
-    slots.iter().fold([0.0; 3], |sum, v| [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]])
+pub fn total(slots: impl IntoIterator<Item: Borrow<[f64; 3]>>) -> [f64; 3] {
+    slots.into_iter().fold([0.0; 3], |sum, slot| {
+        let v = slot.borrow();
+        [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]]
+    })
 }
 
 #[cfg(test)]

@@ -77,10 +77,10 @@ pub fn tables(plan: &Plan, spec: &TableSpec, results: &[CellResult], devices: &D
     if !(devices.several() && is_clock(&spec.value)) {
         return vec![build(plan, spec, results)];
     }
+    let missing = unfinished(plan, results);
     let on = |(i, device): (usize, &str)| {
         let own = |r: &&CellResult| matches!(r.cell, CellRef::Cell(cell) if devices.of(cell) == device);
-        let own: Vec<CellResult> = results.iter().filter(own).cloned().collect();
-        let table = of_some(plan, spec, &own, unfinished(plan, results));
+        let table = of_some(plan, spec, results.iter().filter(own), missing);
         let rows: Vec<TableRow> = table.rows.into_iter().filter(|row| row.cells.iter().any(|c| c.runs > 0)).collect();
         let name = format!("{}-device-{}", spec.name, i + 1);
         TableData { name, caption: format!("{} Only what was rendered on {device}.", table.caption), rows, ..table }
@@ -89,7 +89,7 @@ pub fn tables(plan: &Plan, spec: &TableSpec, results: &[CellResult], devices: &D
 }
 
 /// Whether a value is read off a clock.
-fn is_clock(value: &TableValue) -> bool {
+pub fn is_clock(value: &TableValue) -> bool {
     match value {
         TableValue::RenderS
         | TableValue::MpathsPerS
@@ -107,7 +107,7 @@ fn is_clock(value: &TableValue) -> bool {
 
 /// Computes a table. Runs that failed, were interrupted or never reached are left out, and the caption says how many.
 pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData {
-    of_some(plan, spec, results, unfinished(plan, results))
+    of_some(plan, spec, results.iter(), unfinished(plan, results))
 }
 
 /// Whether a result is one that tables show.
@@ -124,7 +124,12 @@ fn unfinished(plan: &Plan, results: &[CellResult]) -> usize {
 }
 
 /// A table of some results of a night in which so many runs are missing.
-fn of_some(plan: &Plan, spec: &TableSpec, results: &[CellResult], missing: usize) -> TableData {
+fn of_some<'a>(
+    plan: &Plan,
+    spec: &TableSpec,
+    results: impl Iterator<Item = &'a CellResult>,
+    missing: usize,
+) -> TableData {
     let keys = |axes: &[String], cell: usize| -> Vec<String> {
         let value = |axis: &String| labels::axis_value(plan, cell, axis).map_or("–".to_owned(), ToString::to_string);
         axes.iter().map(value).collect()
@@ -136,7 +141,7 @@ fn of_some(plan: &Plan, spec: &TableSpec, results: &[CellResult], missing: usize
     let (row_keys, col_keys) = (distinct(&spec.rows), distinct(&spec.cols));
 
     let mut samples: BTreeMap<Place, Vec<(usize, Sample)>> = BTreeMap::new();
-    for result in results.iter().filter(|result| is_finished(plan, result)) {
+    for result in results.filter(|result| is_finished(plan, result)) {
         let CellRef::Cell(cell) = result.cell else { continue };
         if let Some(sample) = sample(plan, &spec.value, result) {
             samples.entry((keys(&spec.rows, cell), keys(&spec.cols, cell))).or_default().push((cell, sample));

@@ -190,6 +190,7 @@ mod tests {
             environment: None,
             tangents: Vec::new(),
             colors: Vec::new(),
+            second_uvs: Vec::new(),
             camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
             bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],

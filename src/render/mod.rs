@@ -5,6 +5,7 @@
 
 pub mod choice;
 pub mod cpu;
+pub mod entrance;
 pub mod external;
 pub mod halves;
 pub mod hierarchy;

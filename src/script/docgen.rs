@@ -25,6 +25,7 @@ const TABLES: &[&Table] = &[
     &scene::PLACE,
     &scene::PART,
     &scene::PAINT,
+    &scene::LAY,
     &scene::SCATTER,
 ];
 

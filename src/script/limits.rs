@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::error::{Problem, ScriptError};
 use super::source::{Place, Sources};
+use crate::experiment::processor;
 
 /// What a script may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,12 +48,6 @@ struct Running {
 /// How many times as long as its limit a script may take on a machine that is busy with other things.
 const MOST_WAITING: u32 = 20;
 
-/// How long this thread has kept a processor busy, where the system says it in a file.
-fn worked() -> Option<Duration> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    text.split_whitespace().next()?.parse().ok().map(Duration::from_nanos)
-}
-
 impl Watch {
     /// Starts the clock for `what`.
     pub fn start(&self, what: &'static str, seconds: f64) {
@@ -63,7 +58,7 @@ impl Watch {
             deadline: now + limit,
             last,
             allowed: limit,
-            worked: worked(),
+            worked: processor::of_thread(),
             seconds,
             what,
         }));
@@ -76,8 +71,15 @@ impl Watch {
         self.running.set(None);
     }
 
-    /// Takes off what was spent on reading a file that the script names: files have limits of their own.
-    pub fn excuse(&self, spent: Duration) {
+    /// Reads a file that the script names, and takes off what was spent on it: files have limits of their own.
+    pub fn excused<T>(&self, read: impl FnOnce() -> T) -> T {
+        let began = Instant::now();
+        let found = read();
+        self.excuse(began.elapsed());
+        found
+    }
+
+    fn excuse(&self, spent: Duration) {
         if let Some(mut running) = self.running.get() {
             running.deadline += spent;
             running.last += spent;
@@ -94,7 +96,7 @@ impl Watch {
         if now < running.deadline {
             return None;
         }
-        let spent = running.worked.and_then(|before| worked()?.checked_sub(before));
+        let spent = running.worked.and_then(|before| processor::of_thread()?.checked_sub(before));
         match spent.and_then(|spent| running.allowed.checked_sub(spent)) {
             Some(left) if now < running.last && !left.is_zero() => {
                 self.running.set(Some(Running { deadline: now + left, ..running }));
@@ -177,19 +179,22 @@ mod tests {
         let watch = Watch::default();
         let limit = Duration::from_millis(20);
         watch.start("loading", limit.as_secs_f64());
-        if worked().is_some() {
+        if processor::of_thread().is_some() {
             std::thread::sleep(2 * limit);
             assert!(watch.is_late().is_none(), "it has not worked");
         }
-        let before = (worked(), Instant::now());
-        let spent = || match before.0 {
-            Some(then) => worked().and_then(|now| now.checked_sub(then)).unwrap_or_default(),
-            None => before.1.elapsed(),
+        let work = || {
+            let (worked, began) = (processor::of_thread(), Instant::now());
+            let spent = || match worked {
+                Some(then) => processor::of_thread().and_then(|now| now.checked_sub(then)).unwrap_or_default(),
+                None => began.elapsed(),
+            };
+            while spent() < 2 * limit {}
         };
-        while spent() < 2 * limit {}
-        assert!(watch.is_late().is_some(), "it has worked twice as long as it may");
-        watch.excuse(before.1.elapsed());
+        watch.excused(work);
         assert!(watch.is_late().is_none(), "that was the reading of a file");
+        work();
+        assert!(watch.is_late().is_some(), "it has worked twice as long as it may");
         watch.stop();
         assert!(watch.is_late().is_none());
     }

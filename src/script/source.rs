@@ -45,7 +45,8 @@ pub struct Sources {
     texts: Vec<Source>,
 }
 
-/// Reads a Lua text.
+/// Reads a Lua text. No more is read than its length says: what the system shows as files of no length can block, or never
+/// end.
 ///
 /// # Errors
 /// When it is no readable file, larger than [`MAX_BYTES`], bytecode, or not UTF-8.
@@ -58,12 +59,13 @@ pub fn read(file: &Path) -> Result<String, ScriptError> {
         return fail(Problem::Unreadable { reason: "it is not a regular file".to_owned() }, None);
     }
     files::note(file);
-    let mut bytes = Vec::new();
-    std::fs::File::open(file).map_err(unreadable)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 > MAX_BYTES {
-        let bytes = metadata.len().max(bytes.len() as u64);
-        return fail(Problem::TooLarge { bytes, limit: MAX_BYTES }, Some("is this really a script?"));
+    let length = metadata.len();
+    if length > MAX_BYTES {
+        let problem = Problem::TooLarge { bytes: length, limit: MAX_BYTES };
+        return fail(problem, Some("is this really a script?"));
     }
+    let mut bytes = Vec::new();
+    std::fs::File::open(file).map_err(unreadable)?.take(length).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.first() == Some(&0x1b) {
         let found = "it is compiled Lua bytecode".to_owned();
         return fail(Problem::NotText { found }, Some("give the `.lua` text it was compiled from"));

@@ -21,7 +21,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use super::owner::Owner;
-use super::{StoreError, write};
+use super::{StoreError, layout, write};
 use crate::experiment::standing::Claim;
 
 /// The name of the file.
@@ -245,7 +245,7 @@ impl Claims {
         match fs::read_to_string(folder.join(FILE)) {
             Ok(text) => text == claim.text,
             // Where the file itself vanished nobody else has it either, unless somebody had it and finished.
-            Err(_) => !["done.json", "ref.json"].iter().any(|last| folder.join(last).is_file()),
+            Err(_) => !layout::is_done(folder),
         }
     }
 

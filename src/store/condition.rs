@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::archive::read_json;
 use super::failure::{self, FailureRecord};
-use super::{checkpoint, seal};
+use super::{checkpoint, layout, seal};
 
 /// The state of a run's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,8 +24,7 @@ pub enum Condition {
 
 /// Looks at every file in the folder of a run or reference with this id.
 pub fn condition(folder: &Path, id: &str) -> Condition {
-    let marker = ["done.json", "ref.json"].into_iter().find(|name| folder.join(name).is_file());
-    let Some(marker) = marker else {
+    let Some(marker) = layout::last(folder) else {
         let checkpoint = checkpoint::samples(folder, id);
         return Condition::Unfinished { failure: failure::read(folder), checkpoint };
     };

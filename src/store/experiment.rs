@@ -26,6 +26,9 @@ use crate::experiment::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
 
+/// Where results are written in an experiment's folder, besides the folders of runs.
+const WRITTEN: [&str; 3] = ["", "figures", "tables"];
+
 /// An experiment's folder, in which any number of processes work at once, each on other runs.
 #[derive(Debug)]
 pub struct Store {
@@ -41,7 +44,7 @@ pub struct Store {
     /// Whether the last claim found the disk full.
     pub(super) full: Cell<bool>,
     /// Shared by all who work here.
-    pub(super) _lock: File,
+    pub(super) lock: File,
 }
 
 impl Store {
@@ -56,13 +59,8 @@ impl Store {
         write::probe(out)?;
         let (folder, lock, alone) = home(out, plan)?;
         write::probe(&folder)?;
-        for used in ["", "figures", "tables"] {
-            if alone {
-                write::sweep_temporaries(&folder.join(used));
-            } else {
-                write::sweep_old_temporaries(&folder.join(used));
-            }
-        }
+        let sweep = if alone { write::sweep_temporaries } else { write::sweep_old_temporaries };
+        WRITTEN.iter().for_each(|used| sweep(&folder.join(used)));
         write::if_changed(&folder.join("plan.json"), pretty(&plan_json(plan)).as_bytes())?;
         write::if_changed(&folder.join("experiment.lua"), plan.script_text.as_bytes())?;
         let claims = Claims::new();
@@ -80,8 +78,7 @@ impl Store {
         crew::sweep_planners(&folder);
         let turns = RefCell::default();
         let out = out.to_owned();
-        let store =
-            Store { folder, out, archive, journal, claims, aboard: None, turns, full: Cell::default(), _lock: lock };
+        let store = Store { folder, out, archive, journal, claims, aboard: None, turns, full: Cell::default(), lock };
         store.mend(plan)?;
         Ok(store)
     }
@@ -91,11 +88,11 @@ impl Store {
         let cells = (0..plan.cells.len()).map(CellRef::Cell);
         for cell in cells.chain((0..plan.references.len()).map(CellRef::Reference)) {
             let folder = self.place(plan, cell);
-            let path = folder.join("config.json");
-            let Ok(found) = fs::read(&path) else { continue };
-            if folder.join("done.json").is_file() {
+            if layout::is_done(&folder) {
                 self.tidy(&folder);
             }
+            let path = folder.join("config.json");
+            let Ok(found) = fs::read(&path) else { continue };
             let config = cell_json(plan, cell);
             let known = serde_json::from_slice::<Json>(&found).unwrap_or_default();
             // A run may be another plan's too, and a reference another experiment's, which call it otherwise.
@@ -110,13 +107,14 @@ impl Store {
     }
 
     /// Removes what a process that died in the moment of finishing a run left beside its last file.
-    fn tidy(&self, folder: &Path) {
+    pub(super) fn tidy(&self, folder: &Path) {
         if folder.join(claim::FILE).exists() && matches!(self.claims.take(folder), Ok(Claim::Ours)) {
             self.claims.release(folder);
         }
         if checkpoint::SLOTS.iter().any(|slot| folder.join(slot).exists()) {
             checkpoint::remove(folder);
         }
+        failure::forget(folder);
     }
 
     /// The experiment's folder.
@@ -169,7 +167,7 @@ impl Store {
     fn piece(&self, plan: &Plan, piece: Piece) -> (PathBuf, String) {
         let part = match piece {
             Piece::Run(_) => None,
-            Piece::Part(part) => stem_of(plan, &[part]).map(|stem| (parts::folder(&self.out, stem, &part), stem, part)),
+            Piece::Part(part) => stem_of(plan, &part).map(|stem| (parts::folder(&self.out, stem, &part), stem, part)),
         };
         match part {
             Some((folder, stem, part)) => (folder, parts::name(stem, &part)),
@@ -182,7 +180,7 @@ impl Store {
     /// # Errors
     /// When they cannot be written.
     pub fn keep_part(&self, plan: &Plan, part: &Part, kept: &Checkpoint) -> Result<(), StoreError> {
-        stem_of(plan, std::slice::from_ref(part)).map_or(Ok(()), |stem| parts::keep(&self.out, stem, part, kept))
+        stem_of(plan, part).map_or(Ok(()), |stem| parts::keep(&self.out, stem, part, kept))
     }
 
     /// Writes a file of the experiment whole: `summary.csv`, `figures/convergence.svg`.
@@ -346,26 +344,27 @@ impl History for Store {
     }
 
     fn parts_there(&self, plan: &Plan, all: &[Part]) -> BTreeSet<usize> {
-        stem_of(plan, all).map_or_else(BTreeSet::new, |stem| parts::there(&self.out, stem, all))
+        let stem = all.first().and_then(|part| stem_of(plan, part));
+        stem.map_or_else(BTreeSet::new, |stem| parts::there(&self.out, stem, all))
     }
 
     fn part(&self, plan: &Plan, part: &Part) -> Option<Checkpoint> {
-        parts::load(&self.out, stem_of(plan, std::slice::from_ref(part))?, part)
+        parts::load(&self.out, stem_of(plan, part)?, part)
     }
 
     fn joined(&self, plan: &Plan, all: &[Part]) -> Option<Checkpoint> {
-        parts::joined(&self.out, stem_of(plan, all)?, all)
+        parts::joined(&self.out, stem_of(plan, all.first()?)?, all)
     }
 
     fn keep_joined(&self, plan: &Plan, all: &[Part], ground: Option<&Checkpoint>) -> Result<(), SinkError> {
-        let Some(stem) = stem_of(plan, all) else { return Ok(()) };
+        let Some(stem) = all.first().and_then(|part| stem_of(plan, part)) else { return Ok(()) };
         parts::keep_joined(&self.out, stem, all, ground).map_err(|e| SinkError(e.to_string()))
     }
 }
 
-/// The stem of the reference that parts are of.
-fn stem_of<'a>(plan: &'a Plan, parts: &[Part]) -> Option<&'a str> {
-    plan.references.get(parts.first()?.reference)?.stem()
+/// The stem of the reference that a part is of.
+fn stem_of<'a>(plan: &'a Plan, part: &Part) -> Option<&'a str> {
+    plan.references.get(part.reference)?.stem()
 }
 
 /// Whose folder this is, as far as it says.
@@ -410,6 +409,16 @@ fn home(out: &Path, plan: &Plan) -> Result<(PathBuf, File, bool), StoreError> {
             }
         }
         digits += 1;
+    }
+}
+
+impl Drop for Store {
+    /// Removes what died here while others worked: the last to leave finds nobody else.
+    fn drop(&mut self) {
+        // Both are of no use where there are no locks.
+        if self.lock.unlock().is_ok() && self.lock.try_lock().is_ok() {
+            WRITTEN.iter().for_each(|used| write::sweep_temporaries(&self.folder.join(used)));
+        }
     }
 }
 

@@ -1,7 +1,6 @@
 //! `frozen.json`: all that a worker on another machine needs to make the plan again, and to notice when it cannot.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
@@ -9,7 +8,7 @@ use serde_json::{Value as Json, json};
 use super::archive::read_json;
 use super::run::pretty;
 use super::{StoreError, list, write};
-use crate::experiment::plan::ReferenceSource;
+use crate::experiment::plan::{ReferenceSource, identity};
 use crate::experiment::{Plan, RunId};
 
 /// The name of the file.
@@ -161,7 +160,5 @@ fn files_of(plan: &Plan) -> BTreeSet<PathBuf> {
 
 /// The hash of a file's content; empty where it cannot be read.
 fn hash(file: &Path) -> String {
-    let mut hasher = blake3::Hasher::new();
-    let read = fs::File::open(file).and_then(|file| hasher.update_reader(file).map(|_| ()));
-    read.map_or_else(|_| String::new(), |()| hasher.finalize().to_hex().to_string())
+    identity::of_file(file).map_or_else(|_| String::new(), |hash| hash.to_hex().to_string())
 }

@@ -10,6 +10,19 @@ pub(super) const HASH_DIGITS: usize = 4;
 /// Longest name of one folder on a readable path, in bytes; file systems end at 255.
 const LONGEST_NAME: usize = 120;
 
+/// The last file of a run and of a reference.
+const LAST: [&str; 2] = ["done.json", "ref.json"];
+
+/// Whether a run or a reference is done: whether its last file is there.
+pub(super) fn is_done(folder: &Path) -> bool {
+    last(folder).is_some()
+}
+
+/// The name of the last file of a run or a reference, if it is there.
+pub(super) fn last(folder: &Path) -> Option<&'static str> {
+    LAST.into_iter().find(|name| folder.join(name).is_file())
+}
+
 /// `<out>/<name>-<first digits of hash>`.
 pub(super) fn experiment_folder(out: &Path, name: &str, hash: &str, digits: usize) -> PathBuf {
     out.join(format!("{name}-{}", &hash[..digits.min(hash.len())]))

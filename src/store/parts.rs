@@ -37,14 +37,8 @@ pub(super) fn tidy(folder: &Path) {
 
 /// Samples per pixel of the most parts, from the first on, that are kept joined.
 fn joined_samples(out: &Path, stem: &str, parts: &[Part]) -> Option<u64> {
-    let mut most = parts.last()?.end;
-    loop {
-        let samples = sums::samples(out, stem, most)?;
-        if parts.iter().any(|part| part.end == samples) {
-            return Some(samples);
-        }
-        most = samples.checked_sub(1)?;
-    }
+    let kept = sums::kept(out, stem).into_iter().map(|(samples, _)| samples);
+    kept.rev().find(|samples| parts.iter().any(|part| part.end == *samples))
 }
 
 /// The numbers of those parts that are kept, alone or joined.
@@ -91,7 +85,7 @@ pub(super) fn joined(out: &Path, stem: &str, parts: &[Part]) -> Option<Checkpoin
     None
 }
 
-/// Keeps the sums of the first parts joined, unless as many are, and removes all single parts.
+/// Keeps the sums of the first parts joined, unless more are, and removes all single parts.
 ///
 /// # Errors
 /// When they cannot be written; the parts then stay.

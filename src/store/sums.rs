@@ -16,7 +16,7 @@ fn folder(out: &Path) -> PathBuf {
 }
 
 /// Everything that is kept of a stem: samples per pixel and file, the longest last.
-fn kept(out: &Path, stem: &str) -> Vec<(u64, PathBuf)> {
+pub(super) fn kept(out: &Path, stem: &str) -> Vec<(u64, PathBuf)> {
     let entries = fs::read_dir(folder(out)).into_iter().flatten().flatten();
     let own = entries.filter_map(|entry| {
         let name = entry.file_name();

@@ -328,6 +328,52 @@ fn references_are_shared_and_decoded() {
 }
 
 #[test]
+fn what_died_beside_the_last_file_of_a_run_or_a_reference_goes() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    finish_run(&store, &plan, 0);
+    let reference = store.start(&plan, CellRef::Reference(0), None).unwrap();
+    reference.write("ref.exr", b"I\x05").unwrap();
+    reference.write_rows(&[row(1, 0)]).unwrap();
+    reference.finish(&json!({"run": "ee00"})).unwrap();
+    let home = store.folder().to_owned();
+    drop(store);
+    let folders = [layout::run_folder(&home, &plan.cells[0]), dir.path().join("refs/ee/ee00")];
+    let left: Vec<_> =
+        folders.iter().flat_map(|f| ["claim", "ckpt.a", "ckpt.b", "failed.json"].map(|name| f.join(name))).collect();
+    // A claim is free once nobody holds its lock; programs that other tests start may, for a moment.
+    let goes = |mut look: Box<dyn FnMut() + '_>| {
+        left.iter().for_each(|file| fs::write(file, "someone who died").unwrap());
+        let since = std::time::Instant::now();
+        while left.iter().any(|file| file.exists()) {
+            look();
+            let stays: Vec<_> = left.iter().filter(|file| file.exists()).collect();
+            assert!(since.elapsed() < std::time::Duration::from_secs(20), "{stays:?}");
+        }
+    };
+    goes(Box::new(|| drop(Store::open(dir.path(), &plan, decode).unwrap())));
+    let worker = Store::join(&home, &plan, &Frozen::default(), decode, &Me::default()).unwrap();
+    goes(Box::new(|| assert_eq!(worker.take_stock(&plan).open, 0)));
+}
+
+#[test]
+fn the_last_to_leave_removes_what_others_were_writing_when_they_died() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &[]);
+    let open = || Store::open(dir.path(), &plan, decode).unwrap();
+    let (first, second) = (open(), open());
+    first.write("tables/errors.csv", b"rmse").unwrap();
+    let half = first.folder().join("tables/.lumbre-3kQ.tmp");
+    fs::write(&half, b"rm").unwrap();
+    drop(first);
+    assert!(half.exists(), "the second may be writing it");
+    let tables = half.parent().unwrap().to_owned();
+    drop(second);
+    assert_eq!(fs::read_dir(tables).unwrap().flatten().map(|e| e.file_name()).collect::<Vec<_>>(), ["errors.csv"]);
+}
+
+#[test]
 fn an_unwritable_place_is_found_at_once() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("out"), b"a file").unwrap();

@@ -13,7 +13,7 @@ use super::experiment::{Store, lock};
 use super::frozen::Frozen;
 use super::journal::Journal;
 use super::marks::{Mark, Marks};
-use super::{StoreError, failure, write};
+use super::{StoreError, failure, layout, write};
 use crate::experiment::event::History;
 use crate::experiment::groups::group;
 use crate::experiment::standing::{Claim, Settled};
@@ -54,7 +54,7 @@ impl Store {
         let aboard = Aboard::new(home, plan, me, presence, false);
         let turns = RefCell::default();
         let (folder, full) = (home.to_owned(), Cell::default());
-        Ok(Store { folder, out, archive, journal, claims, aboard: Some(aboard), turns, full, _lock: guard })
+        Ok(Store { folder, out, archive, journal, claims, aboard: Some(aboard), turns, full, lock: guard })
     }
 
     /// Lets workers that come know of this process, which made the plan and renders as well: comparisons that it begins are
@@ -114,7 +114,7 @@ impl Store {
     }
 
     /// Looks at every run of the plan afresh, believing no mark: those that are done, those that failed with their
-    /// reasons, and how many are neither. What a mark was wrong about is open again.
+    /// reasons, and how many are neither. What a mark was wrong about is open again, and what died beside a last file goes.
     pub fn take_stock(&self, plan: &Plan) -> Stock {
         let cells = (0..plan.cells.len()).map(CellRef::Cell);
         let all: Vec<CellRef> = (0..plan.references.len()).map(CellRef::Reference).chain(cells).collect();
@@ -130,6 +130,7 @@ impl Store {
         let mut stock = Stock::default();
         for cell in all {
             if self.archive.done(plan, cell).is_some() || self.is_file(plan, cell) {
+                self.tidy(&self.place(plan, cell));
                 stock.done.push(cell);
             } else if let Some(record) = failure::read(&self.place(plan, cell)) {
                 stock.failed.push((cell, record.reason));
@@ -192,7 +193,7 @@ impl Aboard {
     /// Marks a run that this worker has settled.
     pub(super) fn mark(&self, plan: &Plan, cell: CellRef, place: &Path) {
         let run = &plan.id(cell).0;
-        if ["done.json", "ref.json"].iter().any(|name| place.join(name).is_file()) {
+        if layout::is_done(place) {
             if !self.planner {
                 self.marks.put(run, Mark::Done);
             }

@@ -44,17 +44,16 @@ pub(super) fn if_changed(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     }
 }
 
-/// Creates a folder and finds out whether files can be written in it, leaving none behind.
+/// Creates a folder and finds out whether files can be written in it, by one that has no name and so outlives no crash.
 ///
 /// # Errors
 /// [`StoreError::Unwritable`] with the system's reason.
 pub fn probe(folder: &Path) -> Result<(), StoreError> {
     let attempt = || -> std::io::Result<()> {
         fs::create_dir_all(folder)?;
-        let mut file = temporary(folder)?;
+        let mut file = tempfile::tempfile_in(folder)?;
         file.write_all(b"probe")?;
-        file.as_file().sync_all()?;
-        file.close()
+        file.sync_all()
     };
     attempt().map_err(|e| StoreError::Unwritable { path: folder.to_owned(), reason: e.to_string() })
 }
@@ -72,7 +71,7 @@ pub(super) fn sweep_temporaries(folder: &Path) {
 
 /// What the clock of a folder's file system shows, which no machine's clock need agree with.
 pub(super) fn now_in(folder: &Path) -> std::io::Result<SystemTime> {
-    temporary(folder)?.as_file().metadata()?.modified()
+    tempfile::tempfile_in(folder)?.metadata()?.modified()
 }
 
 /// The same in a folder to which others may be writing at this moment: only what is old.

@@ -6,7 +6,7 @@ use super::light::DirectSample;
 use super::ray::{Hit, Ray, offset_origin};
 use crate::math::rng::{pcg4d, unit};
 use crate::scene::CompiledScene;
-use crate::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
+use crate::scene::compile::{MaskMode, Material, NONE, Texture, Uv, UvMap};
 
 /// A normal from a normal or bump map that points behind the real surface is tilted until its cosine with it is this.
 const GRAZING_COSINE: f32 = 1e-3;
@@ -24,7 +24,7 @@ pub struct Surface<'a> {
     /// and zero where the material does not say or does not need any.
     pub tangent: Vec3,
     /// Texture coordinates before tiling.
-    pub uv: Vec2,
+    pub uv: Uv,
     /// What the colours of vertices make of the base colour; white without any.
     pub tint: Vec3,
     /// The material row.
@@ -49,7 +49,7 @@ impl<'a> Surface<'a> {
     pub fn of_material(scene: &'a CompiledScene, ray: &Ray, hit: &Hit, material: u32) -> Surface<'a> {
         let i = hit.primitive as usize;
         let material = &scene.materials[material as usize];
-        let mut surface = if let Some(attributes) = scene.attributes.get(i) {
+        let mut surface = if i < scene.triangles.len() {
             let ([a, b, c], [na, nb, nc]) = scene.triangle(hit.primitive, hit.instance);
             let [v, w] = hit.uv;
             let u = 1.0 - v - w;
@@ -59,7 +59,7 @@ impl<'a> Surface<'a> {
                 n_geometric,
                 n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
                 tangent: Vec3::ZERO,
-                uv: attributes.uv([v, w]),
+                uv: scene.uv_at(hit.primitive, hit.uv),
                 tint: scene.tint_at(hit.primitive, hit.uv),
                 material,
                 emitter: scene.emitter_of(hit.primitive, hit.instance),
@@ -73,7 +73,7 @@ impl<'a> Surface<'a> {
                 n_geometric: n,
                 n_shading: n,
                 tangent: Vec3::ZERO,
-                uv: sphere_uv(n),
+                uv: Uv::same(sphere_uv(n)),
                 tint: Vec3::ONE,
                 material,
                 emitter: sphere.emitter,
@@ -181,15 +181,18 @@ impl<'a> Surface<'a> {
     fn emboss(&mut self, scene: &CompiledScene, hit: &Hit, smooth: Vec3) {
         let m = self.material;
         let map = &scene.textures[m.bump_texture as usize];
-        let place = m.tiling.apply(self.uv);
+        let place = map.place(self.uv, m.tiling);
         let texel = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
         let rise = |step: Vec2| map.bilinear(place + step * 0.5).x - map.bilinear(place - step * 0.5).x;
         let slopes = Vec2::new(rise(Vec2::new(texel.x, 0.0)), rise(Vec2::new(0.0, texel.y))) / texel;
+        // Along the map's own coordinates, then along those of the surface.
+        let slopes = map.lookup.map.map_or(slopes, |map| map.matrix2.transpose() * slopes);
         let slopes = slopes * (m.tiling.scale * m.bump_height);
         let i = hit.primitive as usize;
         let (edges, rises) = if i < scene.triangles.len() {
             let [a, b, c] = scene.corners(hit.primitive, hit.instance);
-            let [ta, tb, tc] = scene.attributes[i].uvs;
+            let second = scene.second_uvs.get(i).filter(|_| map.lookup.second);
+            let [ta, tb, tc] = *second.unwrap_or(&scene.attributes[i].uvs);
             ([b - a, c - a], [slopes.dot(tb - ta), slopes.dot(tc - ta)])
         } else {
             let along = scene.spheres[i - scene.triangles.len()].radius * std::f32::consts::PI;
@@ -283,25 +286,28 @@ impl Overhang {
 
 /// A texture's colour at texture coordinates, or white where there is no texture.
 #[inline]
-pub fn lookup(textures: &[Texture], texture: u32, uv: Vec2, tiling: UvMap) -> Vec3 {
-    if texture == NONE { Vec3::ONE } else { textures[texture as usize].bilinear(tiling.apply(uv)) }
+pub fn lookup(textures: &[Texture], texture: u32, uv: Uv, tiling: UvMap) -> Vec3 {
+    if texture == NONE {
+        return Vec3::ONE;
+    }
+    let texture = &textures[texture as usize];
+    texture.bilinear(texture.place(uv, tiling))
 }
 
 /// A texture's red channel at texture coordinates, or `scalar` where there is no texture.
 #[inline]
-pub fn lookup_scalar(textures: &[Texture], texture: u32, uv: Vec2, tiling: UvMap, scalar: f32) -> f32 {
-    if texture == NONE { scalar } else { textures[texture as usize].bilinear(tiling.apply(uv)).x }
+pub fn lookup_scalar(textures: &[Texture], texture: u32, uv: Uv, tiling: UvMap, scalar: f32) -> f32 {
+    if texture == NONE { scalar } else { lookup(textures, texture, uv, tiling).x }
 }
 
 /// Texture coordinates at a hit of `ray`.
 #[inline]
-fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Vec2 {
-    let i = hit.primitive as usize;
-    match scene.attributes.get(i) {
-        Some(attributes) => attributes.uv(hit.uv),
-        None => {
-            let sphere = &scene.spheres[i - scene.attributes.len()];
-            sphere_uv((ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir))
+fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Uv {
+    match (hit.primitive as usize).checked_sub(scene.attributes.len()) {
+        None => scene.uv_at(hit.primitive, hit.uv),
+        Some(i) => {
+            let sphere = &scene.spheres[i];
+            Uv::same(sphere_uv((ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir)))
         }
     }
 }
@@ -309,7 +315,7 @@ fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Vec2 {
 /// How much of a material there is at texture coordinates: 0 or 1 where its mask is compared with a threshold, the mask
 /// itself where it is blended. What traversal decides for a ray, on average.
 #[inline]
-pub fn coverage(textures: &[Texture], m: &Material, uv: Vec2) -> f32 {
+pub fn coverage(textures: &[Texture], m: &Material, uv: Uv) -> f32 {
     if m.mask_texture == NONE {
         return 1.0;
     }

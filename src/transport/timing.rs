@@ -186,31 +186,20 @@ fn emission(map: &BTreeMap<String, Value>, path: &str) -> Result<Profile, Schema
         key: e.key.trim_start_matches("delay_").to_owned(),
         ..e
     })?;
-    let d = &lamp.delay;
-    Ok(match kind {
-        DelayKind::None => Profile::NONE,
-        DelayKind::Constant => Profile::Constant(d.constant[0]),
-        DelayKind::Exponential => Profile::Exponential(d.rate[0]),
-        DelayKind::Epanechnikov => Profile::Epanechnikov { mean: d.mean[0], width: d.width[0] },
-        DelayKind::Table => Profile::Table(Piecewise::new(&d.pairs())),
-    })
+    let mut params = [0.0; 2];
+    for (param, (_, get, _)) in params.iter_mut().zip(lamp.delay.params()) {
+        *param = get(&lamp.delay)[0];
+    }
+    Ok(Profile::of_parts(kind, params, || Some(Piecewise::new(&lamp.delay.pairs()))))
 }
 
 fn profile_value(profile: &Profile) -> Value {
-    let number = |x: f32| Value::number(f64::from(x));
-    let (word, fields) = match profile {
-        Profile::Constant(x) => (DelayKind::Constant, vec![("constant", number(*x))]),
-        Profile::Exponential(x) => (DelayKind::Exponential, vec![("rate", number(*x))]),
-        Profile::Epanechnikov { mean, width } => {
-            (DelayKind::Epanechnikov, vec![("mean", number(*mean)), ("width", number(*width))])
-        }
-        Profile::Table(table) => {
-            let pairs = table.pairs().flatten().map(Value::number).collect();
-            (DelayKind::Table, vec![("table", Value::List(pairs))])
-        }
-    };
-    let fields = fields.into_iter().chain([("profile", word.word().into())]);
-    Value::Map(fields.map(|(k, v)| (k.to_owned(), v)).collect())
+    let (kind, params, table) = profile.to_parts();
+    let desc = DelayDesc { kind, ..DelayDesc::default() };
+    let numbers = desc.params().iter().zip(params).map(|((name, ..), x)| (*name, Value::number(f64::from(x))));
+    let pairs = table.map(|table| ("table", Value::List(table.pairs().flatten().map(Value::number).collect())));
+    let fields = numbers.chain(pairs).chain([("profile", kind.word().into())]);
+    Value::Map(fields.map(|(k, v)| (k.trim_start_matches("delay_").to_owned(), v)).collect())
 }
 
 #[cfg(test)]

@@ -79,6 +79,7 @@ impl SceneBuilder {
                 instances: Instances::default(),
                 tangents: Vec::new(),
                 colors: Vec::new(),
+                second_uvs: Vec::new(),
                 spheres: Vec::new(),
                 materials: Vec::new(),
                 delays: Default::default(),

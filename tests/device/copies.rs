@@ -45,6 +45,7 @@ fn ball(rows: u32) -> Arc<MeshDesc> {
         uvs: positions.iter().map(|p| Vec2::new(p.x, p.y)).collect(),
         normals: positions.clone(),
         colors: positions.iter().map(|p| (*p * 0.5 + 0.5).clamp(Vec3::ZERO, Vec3::ONE)).collect(),
+        second_uvs: Vec::new(),
         positions,
         triangles,
         triangle_slot: slots,
@@ -55,7 +56,7 @@ fn ball(rows: u32) -> Arc<MeshDesc> {
     Arc::new(mesh)
 }
 
-/// So many copies of a ball of so many rows, turned and stretched, some mirrored and sheared.
+/// So many copies of a ball of so many rows, turned and stretched, some mirrored and sheared, about a true one.
 fn balls(copies: u32, rows: u32) -> CompiledScene {
     let materials = vec![
         MaterialDesc { base_color: Vec3::new(0.7, 0.5, 0.3), roughness: 0.4, ..MaterialDesc::new("body") },
@@ -83,6 +84,13 @@ fn balls(copies: u32, rows: u32) -> CompiledScene {
             shape: ShapeDesc::Mesh(Arc::clone(&mesh)),
         });
     });
+    entities.push(EntityDesc {
+        name: "true ball".to_owned(),
+        transform: Transform::framed(Affine3A::from_translation(Vec3::new(0.3, -0.2, 0.4) * spread)),
+        material: Some("other".to_owned()),
+        anisotropic_direction: None,
+        shape: ShapeDesc::Sphere { radius: 0.3 * spread },
+    });
     let camera =
         CameraDesc { position: Vec3::new(0.0, 0.5, 2.0 + 2.0 * spread), fov_deg: 50.0, ..CameraDesc::default() };
     let desc = SceneDesc {
@@ -107,7 +115,7 @@ fn copies_look_the_same_as_on_the_cpu() {
     let Some(device) = harness::device() else { return };
     let scene = Arc::new(balls(24, 6));
     assert!(scene.instances.places.len() == 24 && scene.instances.meshes.len() >= 3, "plain, mirrored, without a lamp");
-    for (name, kind) in [("nee", Kind::Pipeline), ("bpt", Kind::Query)] {
+    for (name, kind) in [("nee", Kind::Pipeline), ("bpt", Kind::Query), ("bpt", Kind::Compute)] {
         let job = Job { resolution: [48, 32], ..with(name, 60) };
         let expected = common::render(&scene, job.clone(), 8);
         // Their caps are found as lights, beside what the environment gives.
@@ -122,22 +130,22 @@ fn copies_look_the_same_as_on_the_cpu() {
 #[test]
 fn ten_thousand_copies_take_the_memory_of_one() {
     let Some(device) = harness::device() else { return };
-    if !kinds(&device).contains(&Kind::Query) {
-        return;
-    }
-    let bytes = |scene: &CompiledScene| {
+    let bytes = |kind: Kind, scene: &CompiledScene| {
         let job = job([8, 8], 2, 1);
-        let mut renderer = VulkanRenderer::new(&device, Kind::Query, &Sources::Embedded, scene, &job).unwrap();
+        let mut renderer = VulkanRenderer::new(&device, kind, &Sources::Embedded, scene, &job).unwrap();
         renderer.advance(1).unwrap();
         renderer.open_stats().accel_bytes
     };
     // Two meshes each: plain and mirrored.
     let (few, many) = (balls(2, 24), balls(10_000, 24));
     assert!(many.flattened(1 << 24).is_err(), "too many to be unfolded");
-    let (least, most) = (bytes(&few), bytes(&many));
     let meshes = 2 * 4 * 24 * 24;
-    println!("{meshes} triangles in {least} bytes; ten thousand copies of them in {most}");
-    // An instance's row, and what a tree above has for each.
-    assert!(most - least < 10_000 * 512, "{} bytes for each copy", (most - least) / 10_000);
+    for kind in [Kind::Query, Kind::Compute].into_iter().filter(|kind| kinds(&device).contains(kind)) {
+        let (least, most) = (bytes(kind, &few), bytes(kind, &many));
+        let name = kind.backend();
+        println!("{name}: {meshes} triangles in {least} bytes; ten thousand copies of them in {most}");
+        // An instance's row, and what a tree above has for each.
+        assert!(most - least < 10_000 * 512, "{name}: {} bytes for each copy", (most - least) / 10_000);
+    }
     harness::silent();
 }

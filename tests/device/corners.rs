@@ -88,8 +88,8 @@ pub fn balls(lamp: &str) -> Arc<CompiledScene> {
         "points" => builder.point(Vec3::new(-1.0, 2.5, 1.0), Vec3::splat(8.0)),
         "directions" => builder.directional(Vec3::new(0.4, -1.0, -0.2), Vec3::splat(2.0)),
         _ => {
-            let sky = (0..8).map(|i| [0.2 * i as f32, 0.5, 1.6 - 0.2 * i as f32]).collect();
-            builder.environment(Some(Texture { width: 4, height: 2, texels: sky }), Vec3::ONE, 40.0)
+            let sky: Vec<[f32; 3]> = (0..8).map(|i| [0.2 * i as f32, 0.5, 1.6 - 0.2 * i as f32]).collect();
+            builder.environment(Some(Texture::new(4, 2, sky)), Vec3::ONE, 40.0)
         }
     }
     .build()
@@ -175,7 +175,7 @@ fn blended_masks_agree_within_their_noise() {
     let Some(device) = harness::device() else { return };
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.5, 3.0), Vec3::new(0.0, 0.4, 0.0), 45.0);
     let texels = vec![[0.2; 3], [0.8; 3], [0.5; 3], [0.35; 3]];
-    let half = builder.texture(Texture { width: 2, height: 2, texels });
+    let half = builder.texture(Texture::new(2, 2, texels));
     let leaf = Material { mask_texture: half, mask_mode: MaskMode::Blend, ..grey(0.7) };
     let scene = builder
         .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.5))

@@ -1,5 +1,6 @@
 //! What goes wrong is an error that names what was needed and what was found; nothing else is lost.
 
+use std::process::Command;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -148,4 +149,31 @@ fn sums_lose_nothing_over_many_samples() {
     assert!(relative < 1e-10, "{relative:e}");
     assert!((f64::from(plain) / exact - 1.0).abs() > 1e-3, "a plain sum would have done");
     harness::silent();
+}
+
+/// Needs no device: the loader is told to look for drivers where there are none.
+#[test]
+fn without_a_device_the_plan_is_refused_with_what_was_found_and_auto_is_the_processor() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("ball.scn"), include_str!("../common/ball.scn")).unwrap();
+    let script = "local x = experiment('night', { seed = 1 })\n\
+        x:render(function(p) return { scene = 'ball.scn', integrator = 'bpt', resolution = { 8, 8 } } end)\n\
+        x:stop(stop.samples(2))\nreturn x\n";
+    std::fs::write(place.path().join("night.lua"), script).unwrap();
+    let run = |backend: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
+        command.current_dir(place.path()).args(["run", "night.lua", "-q", "--backend", backend]);
+        let nowhere = place.path().join("nowhere.json");
+        let ended = command.env("VK_DRIVER_FILES", &nowhere).env("VK_ICD_FILENAMES", &nowhere).output().unwrap();
+        (ended.status.code(), String::from_utf8_lossy(&ended.stderr).split_whitespace().collect::<Vec<_>>().join(" "))
+    };
+    for backend in ["vulkan", "vulkan-query", "vulkan-compute"] {
+        let (code, said) = run(backend);
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(&format!("`{backend}` cannot be used on this machine: no")), "{said}");
+        assert!(said.contains("Vulkan loader"), "{said}");
+    }
+    assert!(!place.path().join("out").exists(), "nothing was begun");
+    let (code, said) = run("auto");
+    assert_eq!(code, Some(0), "{said}");
 }

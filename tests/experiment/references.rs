@@ -1,13 +1,16 @@
 //! References that know their error: halves, floors, and what they put out of reach.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use lumbre::experiment::event::{FinishedRun, Level};
+use lumbre::experiment::event::{FinishedRun, History, Level};
 use lumbre::experiment::floors::{HalfImages, floors};
+use lumbre::experiment::parts::Part;
+use lumbre::experiment::run::{Seams, run_with};
 use lumbre::experiment::spec::{AgreeRequest, CellConfig, ReferenceRequest};
+use lumbre::experiment::standing::{Checkpoint, Standing};
 use lumbre::experiment::stop::Comparison;
-use lumbre::experiment::{CellRef, Event, StopRule};
+use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
 use lumbre::film::Image;
 use lumbre::metrics::MetricSpec;
 use lumbre::render::mock::{MockRenderer, RELATIVE_SIGMA};
@@ -104,6 +107,49 @@ fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
     assert_eq!(rows, [(1, 134), (2, 268), (3, 400)]);
     let paths = summary.results[0].rows.last().unwrap().paths;
     assert_eq!(paths, 400 * 64 * 48, "both halves' paths, each once");
+}
+
+/// All parts are there by name; what is kept of them is this.
+struct Unread(Option<Checkpoint>);
+
+impl History for Unread {
+    fn done(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+        None
+    }
+
+    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
+
+    fn parts_there(&self, _: &Plan, parts: &[Part]) -> BTreeSet<usize> {
+        parts.iter().map(|part| part.number).collect()
+    }
+
+    fn joined(&self, _: &Plan, _: &[Part]) -> Option<Checkpoint> {
+        self.0.clone()
+    }
+}
+
+#[test]
+fn parts_that_are_kept_and_cannot_be_read_fail_instead_of_being_looked_for_for_ever() {
+    let mut lab = lab(400);
+    lab.reference = Box::new(|_| {
+        let config = Box::new(CellConfig { resolution: Some([64, 48]), ..config() });
+        Ok(Some(ReferenceRequest::Render { config, stop: StopRule::Samples(400), agree: None, parts: 4 }))
+    });
+    let plan = Arc::new(lab.plan());
+    let Night { open, wait, control, .. } = Night::default();
+    let foreign = Checkpoint { standing: Standing::default(), state: vec![1; 64] };
+    for kept in [None, Some(foreign)] {
+        let mut heard = Recorder::default();
+        let seams = Seams { open, wait };
+        let night = run_with(&seams, &plan, &lab, &Unread(kept), &mut [&mut heard], &control, 1).unwrap();
+        let [reference, cell] = &night.results[..] else { panic!("{:?}", night.results) };
+        let Outcome::Failed(why) = &reference.outcome else { panic!("{:?}", reference.outcome) };
+        assert!(why.contains("part 1 of 4 is kept") && why.contains("`refs/sums`"), "{why}");
+        assert!(matches!(cell.outcome, Outcome::Failed(_)));
+        assert!(!heard.words.iter().any(|word| word.starts_with("start")), "{:?}", heard.words);
+    }
 }
 
 #[test]

@@ -12,16 +12,17 @@ const END: &str = "<!-- end -->";
 
 fn table() -> String {
     let mut lines =
-        vec!["| backend | integrators | samplers | materials | layers | time axis | what it is |".to_owned()];
-    lines.push("|---|---|---|---|---|---|---|".to_owned());
+        vec!["| backend | integrators | samplers | materials | layers | time axis | `accel` | what it is |".to_owned()];
+    lines.push("|---|---|---|---|---|---|---|---|".to_owned());
     for row in BACKENDS {
         let able = INTEGRATORS.iter().filter(|i| (row.refuses)(i, 1).is_none()).map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
         let layers = if row.layers { format!("all {}", LAYERS.len()) } else { "none".to_owned() };
         let times = if row.times { "yes" } else { "no" };
+        let accel = if row.accel { "as asked" } else { "its own" };
         let list = |names: Vec<&str>| names.join(", ");
         lines.push(format!(
-            "| `{}` | {} | {} | {} | {layers} | {times} | {} |",
+            "| `{}` | {} | {} | {} | {layers} | {times} | {accel} | {} |",
             row.name,
             list(able.collect()),
             list(samplers.collect()),

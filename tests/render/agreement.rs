@@ -241,8 +241,9 @@ fn emitters_that_reflect() {
 /// A sky with a bright spot, over mirror and glass.
 #[test]
 fn environment_with_caustics() {
-    let texels = (0..16 * 8).map(|i| if (36..39).contains(&i) { [9.0, 8.0, 6.0] } else { [0.3, 0.4, 0.6] }).collect();
-    let map = Some(Arc::new(Texture { width: 16, height: 8, texels }));
+    let texels: Vec<[f32; 3]> =
+        (0..16 * 8).map(|i| if (36..39).contains(&i) { [9.0, 8.0, 6.0] } else { [0.3, 0.4, 0.6] }).collect();
+    let map = Some(Arc::new(Texture::new(16, 8, texels)));
     let glass = Material { opacity: 0.0, ..WHITE };
     let mut scene = Arc::unwrap_or_clone(
         room(EYE)

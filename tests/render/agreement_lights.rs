@@ -29,12 +29,9 @@ fn agree_however_chosen(scene: &Arc<CompiledScene>, depth: u32, samples: u64) {
 #[test]
 fn textured_emitters_with_a_mask() {
     let mut builder = room(EYE);
-    let bright = Texture {
-        width: 4,
-        height: 2,
-        texels: (0..8).map(|i| [0.2 * i as f32, 0.9, if i == 5 { 20.0 } else { 0.0 }]).collect(),
-    };
-    let mask = Texture { width: 2, height: 2, texels: vec![[1.0; 3], [0.0; 3], [0.7; 3], [1.0; 3]] };
+    let bright =
+        Texture::new(4, 2, (0..8).map(|i| [0.2 * i as f32, 0.9, if i == 5 { 20.0 } else { 0.0 }]).collect::<Vec<_>>());
+    let mask = Texture::new(2, 2, vec![[1.0; 3], [0.0; 3], [0.7; 3], [1.0; 3]]);
     let (bright, mask) = (builder.texture(bright), builder.texture(mask));
     let lamp = Material {
         emission_texture: bright,
@@ -71,7 +68,7 @@ fn many_lights() {
 fn an_environment_with_a_sun() {
     // The sun is large enough for `bpt` to find it.
     let mut sky = sunny();
-    sky.texels[2 * 16 + 11] = [60.0, 50.0, 40.0];
+    Arc::make_mut(&mut sky.texels)[2 * 16 + 11] = [60.0, 50.0, 40.0];
     let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
     let mirror = Material { metallic: 1.0, base_color: Vec3::new(0.9, 0.8, 0.7), ..WHITE };
     let scene = SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0)

@@ -20,7 +20,7 @@ fn bumps() -> Texture {
         let tilt = Vec3::new((x * std::f32::consts::TAU).sin(), (y * std::f32::consts::TAU).cos(), 1.0);
         (tilt.normalize_or(Vec3::Z) * 0.5 + 0.5).to_array()
     };
-    Texture { width: 8, height: 8, texels: (0..64).map(|i| n(i, 8)).collect() }
+    Texture::new(8, 8, (0..64).map(|i| n(i, 8)).collect::<Vec<_>>())
 }
 
 /// The room with a floor of another material, whose tangents are those of its texture coordinates.
@@ -58,7 +58,7 @@ fn embossed_floor() {
 
 /// A leaf of four by four texels from nothing to all.
 fn leaf() -> Texture {
-    Texture { width: 4, height: 4, texels: (0..16).map(|i| [(i * 7 % 16) as f32 / 15.0; 3]).collect() }
+    Texture::new(4, 4, (0..16).map(|i| [(i * 7 % 16) as f32 / 15.0; 3]).collect::<Vec<_>>())
 }
 
 #[test]

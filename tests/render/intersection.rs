@@ -144,7 +144,7 @@ fn rays_through_shared_edges_and_corners_never_leak() {
 fn mask_textures_make_holes() {
     let mut b = SceneBuilder::new(Vec3::Z * 2.0, Vec3::ZERO, 30.0);
     // Left half opaque, right half masked out; behind it shines a panel.
-    let mask = b.texture(Texture { width: 2, height: 1, texels: vec![[1.0; 3], [0.0; 3]] });
+    let mask = b.texture(Texture::new(2, 1, vec![[1.0; 3], [0.0; 3]]));
     let leaf = Material { mask_texture: mask, ..grey(0.0) };
     let scene = b
         .quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, leaf)

@@ -10,7 +10,7 @@ use lumbre::math::stats::{chi_square_p, sidak};
 use lumbre::math::{Frame, warp};
 use lumbre::render::cpu::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{NONE, Texture};
+use lumbre::scene::compile::{NONE, Texture, Uv};
 use lumbre::transport::light::{LightId, LightPoint, Lights, Select};
 use lumbre::transport::ray::Ray;
 use lumbre::transport::surface::Surface;
@@ -214,7 +214,7 @@ pub fn sunny() -> Texture {
         (_, 5 | 6) | (4, _) => [0.0; 3],
         (x, y) => [1.0 + x as f32 * 0.2, 0.5 + y as f32 * 0.3, 2.0],
     };
-    Texture { width: 16, height: 8, texels: (0..128).map(texel).collect() }
+    Texture::new(16, 8, (0..128).map(texel).collect::<Vec<_>>())
 }
 
 /// Direction of a place of a map, both in 0..1 from its top left corner, from the words that define the format alone:
@@ -270,8 +270,8 @@ fn map_cell(size: [usize; 2], rotation: f64, dir: Vec3) -> usize {
 
 #[test]
 fn directions_to_the_environment_follow_their_density() {
-    let sky = Texture { texels: vec![[1.0, 2.0, 3.0]; 4 * 3], width: 4, height: 3 };
-    let thin = Texture { texels: vec![[0.0; 3], [5.0; 3], [1.0; 3]], width: 1, height: 3 };
+    let sky = Texture::new(4, 3, vec![[1.0, 2.0, 3.0]; 4 * 3]);
+    let thin = Texture::new(1, 3, vec![[0.0; 3], [5.0; 3], [1.0; 3]]);
     let cases = [(Some(sunny()), 73.0f32), (Some(sky), 200.0), (Some(thin), -10.0), (None, 0.0)];
     let level = sidak(SIGNIFICANCE, cases.len());
     for (map, rotation) in cases {
@@ -407,7 +407,7 @@ fn paths_from_surfaces_and_points_start_as_their_densities_say() {
         let (which, at, dir) = match e.point.light {
             LightId::Emitter(0) => {
                 // Four triangles of a quarter of the area each.
-                let uv = e.point.uv;
+                let uv = e.point.uv.first;
                 let at = if uv.x > 0.5 {
                     0
                 } else if uv.y > 0.5 {
@@ -445,7 +445,7 @@ fn paths_from_surfaces_and_points_start_as_their_densities_say() {
         assert!((pdf.pdf_w - cos / std::f32::consts::PI).abs() < 1e-7);
         assert_eq!(lights.pdf_emission(&lit, i, -cos).pdf_w, 0.0);
     }
-    let at = LightPoint { light: LightId::Point(0), position: Vec3::Y * 3.0, normal: Vec3::Y, uv: Vec2::ZERO };
+    let at = LightPoint { light: LightId::Point(0), position: Vec3::Y * 3.0, normal: Vec3::Y, uv: Uv::default() };
     assert!((f64::from(lights.pdf_emission_at(&lit, &at, Vec3::X).pdf_w) * 4.0 * PI - 1.0).abs() < 1e-6);
 }
 
@@ -491,5 +491,5 @@ fn paths_from_spots_start_uniform_over_their_cone_with_its_falloff() {
 }
 
 fn point(lights: &Lights) -> LightPoint {
-    LightPoint { light: lights.id(0), position: Vec3::ONE, normal: Vec3::Y, uv: Vec2::ZERO }
+    LightPoint { light: lights.id(0), position: Vec3::ONE, normal: Vec3::Y, uv: Uv::default() }
 }

@@ -153,8 +153,8 @@ fn mean(n: u32, value: impl Fn(u32) -> f64) -> (f64, f64) {
 
 /// A quad whose corners go from dark to bright, with a mask that leaves out part of it.
 fn textured() -> (Texture, Texture) {
-    let bright = Texture { width: 2, height: 2, texels: vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]] };
-    let mask = Texture { width: 2, height: 1, texels: vec![[0.2; 3], [1.0; 3]] };
+    let bright = Texture::new(2, 2, vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]]);
+    let mask = Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]);
     (bright, mask)
 }
 
@@ -329,7 +329,7 @@ fn ten_thousand_lights_are_chosen_as_their_probabilities_say() {
 #[test]
 fn what_cannot_shine_is_never_found_and_never_not_a_number() {
     let flat = [Vec3::ZERO, Vec3::X, Vec3::X * 2.0];
-    let black = Texture { width: 2, height: 1, texels: vec![[0.0; 3]; 2] };
+    let black = Texture::new(2, 1, vec![[0.0; 3]; 2]);
     let mut builder = scene();
     let row = builder.texture(black.clone());
     let unlit = Material { emission_texture: row, ..light(1.0) };

@@ -60,8 +60,8 @@ fn stage() -> SceneBuilder {
         .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.7))
         .quad(Vec3::new(-2.0, 0.0, -1.5), Vec3::X * 4.0, Vec3::Y * 2.5, red)
         .triangle(corners, [Vec2::ZERO; 3], light(2.0));
-    let texels = (0..64).map(|i| [0.1 + (i % 7) as f32, 1.0, 0.3 * (i % 5) as f32]).collect();
-    let emission_texture = stage.texture(Texture { width: 8, height: 8, texels });
+    let texels: Vec<[f32; 3]> = (0..64).map(|i| [0.1 + (i % 7) as f32, 1.0, 0.3 * (i % 5) as f32]).collect();
+    let emission_texture = stage.texture(Texture::new(8, 8, texels));
     let poster = Material { emission: Vec3::ONE, emission_texture, ..grey(0.3) };
     stage.quad(Vec3::new(-1.9, 0.2, -1.0), Vec3::Z * 1.5, Vec3::Y * 1.5, poster)
 }
@@ -115,8 +115,9 @@ fn rough_glass_metal_and_coat() {
 
 /// A picture of a sky with a sun.
 fn sky() -> Environment {
-    let texels = (0..32 * 16).map(|i| if i == 32 * 4 + 9 { [300.0, 280.0, 200.0] } else { [0.3, 0.4, 0.6] }).collect();
-    let map = Some(Arc::new(Texture { width: 32, height: 16, texels }));
+    let texels: Vec<[f32; 3]> =
+        (0..32 * 16).map(|i| if i == 32 * 4 + 9 { [300.0, 280.0, 200.0] } else { [0.3, 0.4, 0.6] }).collect();
+    let map = Some(Arc::new(Texture::new(32, 16, texels)));
     Environment { radiance: Vec3::ONE, map, rotation_rad: 0.7 }
 }
 

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{Mat2, Vec2, Vec3, Vec4};
+use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use lumbre::film::Film;
 use lumbre::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform,
-    mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, Lookup, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot,
+    Transform, mesh_hash, texture_hash,
 };
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::transport::integrator::integrator;
@@ -31,6 +31,17 @@ fn normal_map(n: Vec3) -> Arc<TextureDesc> {
 
 /// The triangles of one mesh with a material.
 fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDesc) -> CompiledScene {
+    mesh_of(positions, normals, uvs, &[], material)
+}
+
+/// The same with a second set of texture coordinates.
+fn mesh_of(
+    positions: &[Vec3],
+    normals: &[Vec3],
+    uvs: &[Vec2],
+    second_uvs: &[Vec2],
+    material: MaterialDesc,
+) -> CompiledScene {
     let triangles: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
     let mut mesh = MeshDesc {
         file: PathBuf::from("m.obj"),
@@ -38,6 +49,7 @@ fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDe
         normals: normals.to_vec(),
         uvs: uvs.to_vec(),
         colors: Vec::new(),
+        second_uvs: second_uvs.to_vec(),
         triangle_slot: vec![0; triangles.len()],
         triangles,
         slots: vec!["m".to_owned()],
@@ -200,6 +212,17 @@ fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
                 }
             }
         }
+        // The same heights, whose coordinates only a map of their own makes, on the second set.
+        let map = Affine2::from_scale_angle_translation(Vec2::new(0.8, 1.3), 0.4, Vec2::new(0.2, -0.1));
+        let lookup = Lookup { second: true, map: Some(map), ..Lookup::default() };
+        let mut m = embossed(ramp(along_b / along_a), along_a);
+        m.set_lookup(TextureSlot::Bump, lookup);
+        let before = uvs.map(|uv| map.inverse().transform_point2(uv));
+        let scene = mesh_of(&SQUARE, &[], &[Vec2::ZERO; 4], &before, m);
+        for primitive in [0, 1] {
+            let n = at(&scene, primitive, [0.3, 0.3]).n_shading;
+            assert!((n - expected).length() < 1e-5, "{a} {b}: {n} instead of {expected}");
+        }
     }
 }
 
@@ -268,7 +291,7 @@ fn bumps_never_turn_a_normal_behind_its_triangle_and_coordinates_without_area_ha
 /// A lit floor seen from above, with a sheet of even coverage at `height`.
 fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.0, 0.01), Vec3::ZERO, 30.0);
-    let mask = builder.texture(Texture { width: 1, height: 1, texels: vec![[value, 1.0, 1.0]] });
+    let mask = builder.texture(Texture::new(1, 1, vec![[value, 1.0, 1.0]]));
     let sheet = Material { mask_texture: mask, mask_mode: mode, ..grey(0.0) };
     builder
         .quad(Vec3::new(-5.0, 0.0, 5.0), Vec3::X * 10.0, Vec3::Z * -10.0, grey(0.5))
@@ -356,6 +379,7 @@ fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
             normals: vec![],
             uvs: vec![Vec2::splat(0.5); 4],
             colors,
+            second_uvs: Vec::new(),
             triangles: vec![[0, 1, 1], [0, 1, 2], [0, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0; 3],
@@ -423,7 +447,7 @@ fn a_texture_of_directions_turns_the_stretch_of_highlights() {
 #[test]
 fn bad_normals_tangents_and_coordinates_never_make_a_film_invalid() {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 40.0);
-    let map = builder.texture(Texture { width: 2, height: 1, texels: vec![[0.5, 0.5, 0.0], [0.5, 0.5, 0.5]] });
+    let map = builder.texture(Texture::new(2, 1, vec![[0.5, 0.5, 0.0], [0.5, 0.5, 0.5]]));
     let m = Material {
         normal_texture: map,
         bump_texture: map,

@@ -103,7 +103,7 @@ fn hostile_numbers_and_encodings_are_errors() {
             assert!((1..=65_535).contains(&desc.max_depth), "{number}");
         }
     }
-    let folder = Folder::new(&[]);
+    let folder = Folder::new::<&str>(&[]);
     folder.write("a.scn", b"{ \"maxdepth\": 5, \"\xff\": 1 }");
     assert!(!survive(&folder, "a.scn"));
     folder.write("a.scn", "{ }".encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>());

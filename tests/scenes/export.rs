@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Quat, Vec2, Vec3};
+use glam::{Affine2, Affine3A, Quat, Vec2, Vec3};
 use lumbre::film::Image;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::compile;
 use lumbre::scene::desc::{
-    ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaskMode,
-    MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform, texture_hash,
+    ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, Lookup,
+    MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot, Transform, Wrap,
 };
 use lumbre::scene::export;
 use lumbre::scene::shape::{cuboid, grid};
@@ -57,8 +57,7 @@ fn different_pixels(a: &SceneDesc, b: &SceneDesc) -> usize {
 }
 
 fn texture(name: &str, texels: Texels) -> Arc<TextureDesc> {
-    let content_hash = texture_hash(2, 2, &texels);
-    Arc::new(TextureDesc { file: name.into(), width: 2, height: 2, texels, content_hash })
+    Arc::new(TextureDesc::new(name, 2, 2, texels))
 }
 
 fn stored(texels: [[u8; 4]; 4]) -> Arc<TextureDesc> {
@@ -127,6 +126,14 @@ fn surfaces_come_back_as_they_were() {
             (m.tiling, m.uv_offset) = (3.0, Vec2::new(0.25, 0.5));
             m.set_texture(TextureSlot::BaseColor, Some(grain()));
             m.set_texture(TextureSlot::Roughness, Some(grain()));
+        }),
+        material("three ways", |m| {
+            (m.tiling, m.uv_offset) = (2.0, Vec2::new(0.25, 0.5));
+            m.set_texture(TextureSlot::BaseColor, Some(grain()));
+            let map = Affine2::from_scale_angle_translation(Vec2::new(0.7, 1.6), 0.5, Vec2::new(0.1, -0.4));
+            let lookup = Lookup { wrap: [Wrap::Mirror; 2], second: false, map: Some(map) };
+            m.lay_texture(TextureSlot::Roughness, grain(), lookup);
+            m.lay_texture(TextureSlot::Metallic, grain(), Lookup { wrap: [Wrap::Clamp; 2], ..Lookup::default() });
         }),
         material("brass", |m| {
             (m.metallic, m.roughness, m.anisotropic) = (1.0, 0.35, 0.8);

@@ -1,8 +1,8 @@
 //! glTF: a small document of our own with every kind of accessor, and the assets of others where they are.
 
-use glam::{Vec2, Vec3};
+use glam::{Affine2, Vec2, Vec3};
 use lumbre::scene::compile;
-use lumbre::scene::desc::{LightKind, MaskMode, SceneDesc, ShapeDesc, Texels, TextureSlot};
+use lumbre::scene::desc::{LightKind, Lookup, MaskMode, SceneDesc, ShapeDesc, Texels, TextureSlot, Wrap};
 use lumbre::scene::load::load;
 use proptest::prelude::*;
 
@@ -88,22 +88,76 @@ fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
     let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else { panic!() };
     let (green, white) = (Vec3::Y * 0.2, Vec3::ONE);
     assert_eq!(mesh.colors, [Vec3::X, green, Vec3::Z, white, white, white], "linear, and white where there are none");
-    // The second set, moved, and turned over; of the other material the first.
-    let second = [Vec2::new(0.75, 1.0), Vec2::new(1.25, 1.0), Vec2::new(0.75, 0.5)];
-    assert_eq!(mesh.uvs[..3], second);
-    assert_eq!(mesh.uvs[3..], [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
+    // The normal map decides about the first set; what lies on another set has its own transform. All turned over.
+    let first = [Vec2::Y, Vec2::ONE, Vec2::ZERO];
+    assert_eq!(mesh.uvs, [first, first].concat());
+    assert_eq!(mesh.second_uvs[..3], [Vec2::new(0.25, 1.0), Vec2::new(0.75, 1.0), Vec2::new(0.25, 0.5)]);
+    assert_eq!(mesh.second_uvs[3..], first, "who has none has the first again");
+    let m = &desc.materials[desc.material_row("second").unwrap()];
+    let moved = Lookup { second: true, map: Some(Affine2::from_translation(Vec2::X * 0.5)), ..Lookup::default() };
+    assert_eq!((m.lookup(TextureSlot::Normal), m.lookup(TextureSlot::BaseColor)), (Lookup::default(), moved));
     let notes = lines(&notes);
-    for expected in
-        ["COLOR_0: the alpha of colours", "normalTexture: all textures", "`KHR_materials_volume` is not read"]
-    {
+    for expected in ["COLOR_0: the alpha of colours", "`KHR_materials_volume` is not read"] {
         assert!(notes.contains(expected), "{expected}: {notes}");
     }
+    assert!(!notes.contains("Texture"), "{notes}");
     let (scene, _) = compile(&desc).unwrap();
+    let row = &scene.materials[scene.attributes[0].material as usize];
+    let place = |texture: u32| scene.textures[texture as usize].place(scene.uv_at(0, [0.5, 0.25]), row.tiling);
+    assert_eq!(place(row.normal_texture), Vec2::new(0.5, 0.75));
+    assert_eq!(place(row.base_color_texture), Vec2::new(0.5 + 0.5 * 0.5 + 0.25, 1.0 - 0.5 * 0.25));
     assert_eq!(scene.tint_at(0, [0.5, 0.25]), Vec3::new(0.25, 0.1, 0.25));
     for (from, to) in [("\"COLOR_0\": 1", "\"COLOR_0\": 2"), ("\"COLOR_0\": 1", "\"COLOR_0\": 9")] {
         folder.write("a.gltf", text.replacen(from, to, 1));
         assert!(folder.load("a.gltf").unwrap_err().to_string().contains("COLOR_0") || to.ends_with('2'));
     }
+}
+
+/// Textures of one material that lie each in its own way, against the formulas of the format on the file's own numbers.
+#[test]
+fn every_texture_lies_as_its_transform_and_its_sampler_say() {
+    let folder = folder();
+    let lies = |offset: [f32; 2], rotation: f32, scale: [f32; 2]| {
+        format!(
+            "\"extensions\": {{ \"KHR_texture_transform\": {{ \"offset\": {offset:?}, \"rotation\": {rotation:?}, \"scale\": {scale:?} }} }}"
+        )
+    };
+    let places = [([0.25, 0.5], 0.4, [2.0, 3.0]), ([-0.5, 0.125], -1.1, [0.5, 1.5]), ([0.0, 0.0], 0.0, [1.0, 1.0])];
+    let [base, rough, emissive] = places.map(|(offset, rotation, scale)| lies(offset, rotation, scale));
+    let materials = format!(
+        "\"materials\": [ {{ \"name\": \"skin\", \"emissiveFactor\": [1, 1, 1], \"emissiveTexture\": {{ \"index\": 2, {emissive} }},
+\"pbrMetallicRoughness\": {{ \"baseColorTexture\": {{ \"index\": 0, {base} }}, \"metallicRoughnessTexture\": {{ \"index\": 1, {rough} }} }} }} ],
+\"textures\": [ {{ \"source\": 0, \"sampler\": 0 }}, {{ \"source\": 0, \"sampler\": 1 }}, {{ \"source\": 0 }} ],
+\"samplers\": [ {{ \"wrapS\": 33071, \"wrapT\": 33648 }}, {{ \"wrapT\": 33071, \"magFilter\": 9728 }} ],"
+    );
+    let (start, end) = (TEXT.find("\"materials\"").unwrap(), TEXT.find("\"images\"").unwrap());
+    let text = format!("{}{materials}{}", &TEXT[..start], &TEXT[end..]);
+    folder.write("a.gltf", &text);
+    let (desc, notes) = folder.load("a.gltf").unwrap();
+    let m = &desc.materials[0];
+    let wraps = [TextureSlot::BaseColor, TextureSlot::Metallic, TextureSlot::Emission].map(|slot| m.lookup(slot).wrap);
+    assert_eq!(wraps, [[Wrap::Clamp, Wrap::Mirror], [Wrap::Repeat, Wrap::Clamp], [Wrap::Repeat; 2]]);
+    let notes = lines(&notes);
+    assert!(notes.contains("textures[1]: textures are bilinear") && !notes.contains("KHR_texture"), "{notes}");
+    let (scene, _) = compile(&desc).unwrap();
+    let row = &scene.materials[scene.attributes[0].material as usize];
+    let textures = [row.base_color_texture, row.roughness_texture, row.emission_texture];
+    // Quantised coordinates of the file at a point, and what the extension says of them.
+    let at = Vec2::new(0.5, 0.25 * 0.2);
+    for (texture, (offset, rotation, scale)) in textures.into_iter().zip(places) {
+        let scaled = at * Vec2::from(scale);
+        let (sin, cos) = f32::sin_cos(rotation);
+        let turned = Vec2::new(cos * scaled.x + sin * scaled.y, cos * scaled.y - sin * scaled.x) + Vec2::from(offset);
+        let found = scene.textures[texture as usize].place(scene.uv_at(0, [0.5, 0.25]), row.tiling);
+        assert!((found - Vec2::new(turned.x, 1.0 - turned.y)).length() < 1e-5, "{found} instead of {turned}");
+    }
+    folder.write("a.gltf", text.replace("\"scale\": [2.0, 3.0]", "\"scale\": [0.0, 0.0]"));
+    assert!(lines(&folder.load("a.gltf").unwrap().1).contains("no other one can be laid beside it"));
+    let third = text
+        .replace("\"index\": 1,", "\"index\": 1, \"texCoord\": 1,")
+        .replace("\"index\": 2,", "\"index\": 2, \"texCoord\": 2,");
+    folder.write("a.gltf", third);
+    assert!(lines(&folder.load("a.gltf").unwrap().1).contains("emissiveTexture: a material has textures on two sets"));
 }
 
 #[test]

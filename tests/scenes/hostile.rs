@@ -9,6 +9,7 @@ use lumbre::scene::load::{Missing, load_with, texture};
 use lumbre::scene::{SceneError, compile};
 use lumbre::script::scene;
 
+use super::Folder;
 use super::meter::peak;
 use super::samples::{GLTF, QUAD, Sample, glb, gltf_buffer, picture, samples};
 
@@ -19,32 +20,16 @@ const GROWTH: usize = 1024;
 /// The same where pictures of one colour are in them.
 const PICTURE_GROWTH: usize = 8192;
 
-struct Place(tempfile::TempDir);
-
-impl Place {
-    fn new(files: &[(&str, Vec<u8>)]) -> Place {
-        let place = Place(tempfile::tempdir().unwrap());
-        files.iter().for_each(|(name, bytes)| place.write(name, bytes));
-        place
-    }
-
-    fn write(&self, name: &str, bytes: &[u8]) {
-        let path = self.0.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, bytes).unwrap();
-    }
-
-    /// Reads a file of the folder as what its name says, and holds it to the limit. `None` where all is well.
-    fn read(&self, name: &str, growth: usize) -> Option<String> {
-        let path = self.0.path().join(name);
-        let (result, most) = peak(|| read(&path));
-        let all = walk(self.0.path());
-        let limit = SMALL + growth * all;
-        assert!(most <= limit, "{name}: {most} bytes taken to read {all}: the limit is {limit}");
-        let problem = result.err()?.to_string();
-        assert!(problem.len() < 4000, "{name}: an error of {} bytes: {problem:.500}", problem.len());
-        Some(problem)
-    }
+/// Reads a file of the folder as what its name says, and holds it to the limit. `None` where all is well.
+fn held(folder: &Folder, name: &str, growth: usize) -> Option<String> {
+    let path = folder.path(name);
+    let (result, most) = peak(|| read(&path));
+    let all = walk(folder.0.path());
+    let limit = SMALL + growth * all;
+    assert!(most <= limit, "{name}: {most} bytes taken to read {all}: the limit is {limit}");
+    let problem = result.err()?.to_string();
+    assert!(problem.len() < 4000, "{name}: an error of {} bytes: {problem:.500}", problem.len());
+    Some(problem)
 }
 
 fn walk(folder: &Path) -> usize {
@@ -135,8 +120,8 @@ fn damaged(bytes: &[u8]) -> Vec<Vec<u8>> {
 #[test]
 fn every_sample_is_fine() {
     for Sample { name, files } in samples() {
-        let place = Place::new(&files.iter().map(|(n, b)| (*n, b.clone())).collect::<Vec<_>>());
-        assert_eq!(place.read(files[0].0, GROWTH), None, "{name}");
+        let folder = Folder::new(&files);
+        assert_eq!(held(&folder, files[0].0, GROWTH), None, "{name}");
     }
 }
 
@@ -144,20 +129,20 @@ fn every_sample_is_fine() {
 fn damaged_files_of_every_format_are_read_or_refused() {
     let (mut read, mut refused) = (0, 0);
     for Sample { name, files } in samples() {
-        let place = Place::new(&files);
+        let folder = Folder::new(&files);
         for (file, bytes) in &files {
             for bad in damaged(bytes) {
-                place.write(file, &bad);
-                match place.read(files[0].0, PICTURE_GROWTH) {
+                folder.write(file, &bad);
+                match held(&folder, files[0].0, PICTURE_GROWTH) {
                     None => read += 1,
                     Some(problem) => {
-                        let named = problem.contains(&place.0.path().display().to_string());
+                        let named = problem.contains(&folder.0.path().display().to_string());
                         assert!(named, "{name}, {file}: no file is named: {problem}");
                         refused += 1;
                     }
                 }
             }
-            place.write(file, bytes);
+            folder.write(file, bytes);
         }
     }
     assert!(read > 300 && refused > 600, "the damage is of both kinds: {read} and {refused}");
@@ -272,6 +257,15 @@ fn documents() -> Vec<Case> {
     let derived = format!(
         "\"images\": [ {{ \"uri\": \"t.png\" }} ], \"textures\": [ {{ \"source\": 0 }} ], \"materials\": [ {factors} ]"
     );
+    let ways_to_lie = many(1000, ",", |i| {
+        format!(
+            "{{ \"pbrMetallicRoughness\": {{ \"baseColorTexture\": {{ \"index\": 0 }} }}, \"normalTexture\": {{ \"index\": 0,
+             \"extensions\": {{ \"KHR_texture_transform\": {{ \"offset\": [{i}, 0] }} }} }} }}"
+        )
+    });
+    let laid = format!(
+        "\"images\": [ {{ \"uri\": \"t.png\" }} ], \"textures\": [ {{ \"source\": 0 }} ], \"materials\": [ {ways_to_lie} ]"
+    );
     let mut cut = glb(GLTF, &gltf_buffer());
     cut[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     vec![
@@ -292,6 +286,7 @@ fn documents() -> Vec<Case> {
         ),
         ("one file as 2000 buffers", vec![("a.gltf", json(&buffers)), ("b.bin", vec![0; 65_536])], ""),
         ("one picture as 100", vec![("a.gltf", json(&pictures)), ("b.bin", white.clone())], ""),
+        ("one picture that lies in 1000 ways", vec![("a.gltf", json(&laid)), ("t.png", white.clone())], ""),
         ("300 pictures made from one", vec![("a.gltf", json(&derived)), ("t.png", white)], "made from others"),
         ("deep lists", vec![("a.gltf", [b"{\"asset\":".to_vec(), b"[".repeat(200_000)].concat())], "recursion"),
         ("a chunk of 4 GiB", vec![("a.glb", cut)], "cut off"),
@@ -431,8 +426,8 @@ fn hostile_files_are_refused_or_read_within_their_limits() {
     let groups: [fn() -> Vec<Case>; 5] = [meshes, documents, scenes_in_xml, places, textures];
     let mut wrong = Vec::new();
     for (what, files, expected) in groups.iter().flat_map(|group| group()) {
-        let place = Place::new(&files);
-        let found = place.read(files[0].0, if what.contains("picture") { PICTURE_GROWTH } else { GROWTH });
+        let folder = Folder::new(&files);
+        let found = held(&folder, files[0].0, if what.contains("picture") { PICTURE_GROWTH } else { GROWTH });
         let fits = match &found {
             None => expected.is_empty(),
             Some(problem) => !expected.is_empty() && problem.contains(expected),
@@ -446,10 +441,10 @@ fn hostile_files_are_refused_or_read_within_their_limits() {
 
 #[test]
 fn what_cannot_be_read_is_noted_once_for_each_use() {
-    let place = Place::new(&[
+    let folder = Folder::new(&[
         ("a.mtl", b"newmtl a\nmap_Kd none.png\n".to_vec()),
         ("a.obj", format!("mtllib a.mtl\n{QUAD}").into_bytes()),
     ]);
-    let (_, notes) = load_with(&place.0.path().join("a.obj"), Missing::Noted).unwrap();
+    let (_, notes) = load_with(&folder.path("a.obj"), Missing::Noted).unwrap();
     assert!(notes.iter().any(|n| n.message.contains("none.png")), "{notes:?}");
 }

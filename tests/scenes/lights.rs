@@ -94,7 +94,7 @@ fn faults_of_lights_name_their_place() {
 
 #[test]
 fn environments_come_from_hdr_exr_and_png_files() {
-    let folder = Folder::new(&[]);
+    let folder = Folder::new::<&str>(&[]);
     let texels = [[4.0, 1.0, 0.25], [0.0; 3], [1.0; 3], [0.5, 0.5, 2.0]];
     write_hdr(&folder.path("sky.hdr"), &texels, 2);
     exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 2, |x, y| texels[y * 2 + x].into()).unwrap();
@@ -110,7 +110,7 @@ fn environments_come_from_hdr_exr_and_png_files() {
         if name == "sky.png" {
             assert!((map.texels[0][0] - 0.5029).abs() < 1e-3, "a picture of eight bits is sRGB");
         } else {
-            assert_eq!(map.texels, texels, "{name}");
+            assert_eq!(map.texels[..], texels, "{name}");
             // Straight up is the top row, straight down the bottom row.
             let lights = Lights::new(&scene);
             assert!((lights.environment(Vec3::Y).z - 0.5 * 0.125).abs() < 1e-6);
@@ -151,7 +151,7 @@ fn damaged_environment_files_are_errors_that_name_them() {
     // Less than nothing is finite: black, with a note.
     exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 1, |x, _| (x as f32 * 2.0 - 1.0, 0.5, 0.5)).unwrap();
     let (scene, notes) = compile(&folder.load("b.scn").unwrap().0).unwrap();
-    assert_eq!(scene.environment.unwrap().map.unwrap().texels, [[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]]);
+    assert_eq!(scene.environment.unwrap().map.unwrap().texels[..], [[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]]);
     assert!(lines(&notes).contains("negative"), "{}", lines(&notes));
 }
 

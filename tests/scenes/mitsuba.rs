@@ -1,7 +1,8 @@
 //! Scenes of Mitsuba: small ones of our own that use every plugin that is read, and what their parts become.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use lumbre::scene::compile;
+use lumbre::scene::compile::{Uv, Wrap};
 use lumbre::scene::desc::{
     ConeEdge, Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc,
     TextureSlot,
@@ -216,7 +217,8 @@ fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
         // A little inside the picture, where it does not repeat.
         let uvs = scene.attributes[0].uvs;
         let uv = uvs[corner].lerp((uvs[0] + uvs[1] + uvs[2]) / 3.0, 0.3);
-        let c = scene.textures[m.base_color_texture as usize].bilinear(m.tiling.apply(uv));
+        let texture = &scene.textures[m.base_color_texture as usize];
+        let c = texture.bilinear(texture.place(Uv::same(uv), m.tiling));
         if c.x > c.y { "red" } else { "green" }
     };
     assert_eq!((color_at("rectangle", "", 0), color_at("rectangle", "", 2)), ("red", "green"));
@@ -226,6 +228,49 @@ fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
     assert_eq!((color_at("rectangle", over, 0), color_at("rectangle", over, 2)), ("green", "red"));
     let turned = "<transform name=\"to_uv\"><scale x=\"-1\" y=\"-1\"/></transform>";
     assert_eq!((color_at("rectangle", turned, 0), color_at("rectangle", turned, 2)), ("green", "red"));
+}
+
+/// Bitmaps of one surface, each with a map and edges of its own, against what Mitsuba does with coordinates that start at the
+/// top left.
+#[test]
+fn every_bitmap_lies_as_its_own_to_uv_and_wrap_mode_say() {
+    let bitmap = |name: &str, steps: &str, more: &str| {
+        format!(
+            "<texture type=\"bitmap\" name=\"{name}\"><string name=\"filename\" value=\"t.png\"/>{more}\
+             <transform name=\"to_uv\">{steps}</transform></texture>"
+        )
+    };
+    let even = "<scale value=\"2\"/><translate x=\"0.25\" y=\"0.5\"/>";
+    let uneven = "<scale x=\"2\" y=\"3\"/><rotate z=\"1\" angle=\"90\"/><translate x=\"0.25\"/>";
+    let clamp = "<string name=\"wrap_mode\" value=\"clamp\"/>";
+    type Step = fn(Vec2) -> Vec2;
+    let steps: [Step; 2] = [|p| p * 2.0 + Vec2::new(0.25, 0.5), |p| Vec2::new(0.25 - 3.0 * p.y, 2.0 * p.x)];
+    for ([first, second], [one, other]) in
+        [([even, uneven], steps), ([uneven, even], [steps[1], steps[0]]), ([uneven, uneven], [steps[1]; 2])]
+    {
+        let xml = format!(
+            "<bsdf type=\"principled\" id=\"s\">{}{}</bsdf>",
+            bitmap("base_color", first, ""),
+            bitmap("roughness", second, clamp)
+        );
+        let folder =
+            Folder::new(&[("a.xml", &around(&format!("{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>")))]);
+        image::RgbImage::new(2, 2).save(folder.path("t.png")).unwrap();
+        let (desc, notes) = folder.load("a.xml").unwrap();
+        assert!(!lines(&notes).contains("texture"), "{}", lines(&notes));
+        let (scene, _) = compile(&desc).unwrap();
+        let m = &scene.materials[scene.attributes[0].material as usize];
+        let of = |texture: u32| &scene.textures[texture as usize];
+        assert_eq!(of(m.base_color_texture).lookup.wrap, [Wrap::Repeat; 2]);
+        assert_eq!(of(m.roughness_texture).lookup.wrap, [Wrap::Clamp; 2]);
+        for uv in [Vec2::ZERO, Vec2::new(0.3, 0.9), Vec2::new(-1.5, 2.0)] {
+            let turned = |uv: Vec2| Vec2::new(uv.x, 1.0 - uv.y);
+            for (texture, step) in [(m.base_color_texture, one), (m.roughness_texture, other)] {
+                let (found, expected) = (of(texture).place(Uv::same(uv), m.tiling), turned(step(turned(uv))));
+                assert!((found - expected).length() < 1e-5, "{first} {second}: {found} instead of {expected}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -327,6 +327,11 @@ fn files_that_are_no_scripts() {
     assert!(matches!(at("").problem(), Problem::Unreadable { .. }), "a folder");
     folder.put("big.lua", vec![b'-'; (4 << 20) + 1]);
     assert!(matches!(at("big.lua").problem(), Problem::TooLarge { bytes, .. } if *bytes == (4 << 20) + 1));
+    #[cfg(target_os = "linux")]
+    {
+        std::os::unix::fs::symlink("/proc/version", folder.path("system.lua")).unwrap();
+        assert!(!matches!(at("system.lua").problem(), Problem::Syntax { .. }), "it has no length, so nothing is read");
+    }
     folder.put("code.lua", b"\x1bLua\x54");
     assert!(at("code.lua").to_string().contains("bytecode"));
     folder.put("latin.lua", b"-- one\n-- caf\xe9\n");

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::Vec3;
-use lumbre::scene::desc::{EnvironmentSource, ShapeDesc, TextureSlot, content_hash};
+use glam::{Vec2, Vec3};
+use lumbre::scene::desc::{EnvironmentSource, Lookup, ShapeDesc, TextureSlot, Wrap, content_hash};
 use lumbre::scene::load::Missing;
 use lumbre::scene::{SceneDesc, compile, edit};
 use lumbre::script::scene;
@@ -162,6 +162,26 @@ s:add { shape = shape.grid { size = { 2, 2 } }, material = \"painted\" }",
 }
 
 #[test]
+fn textures_lie_as_lay_says_and_meshes_may_have_two_sets_of_coordinates() {
+    let s = made(
+        "local t = texture.paint { size = { 2, 2 }, color = function(u, v) return u end }
+s:material(\"m\", { base_color_texture = t, mask_texture = texture.lay(t, { wrap = { \"mirror\", \"clamp\" }, scale = { 2, 3 },
+  rotation = 90, offset = { 1, 0 }, second = true }), roughness_texture = texture.lay(texture.lay(t, { wrap = \"clamp\" }), {}) })
+s:add { shape = shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 } }, triangles = { { 1, 2, 3 } },
+  uvs = { { 0, 0 }, { 1, 0 }, { 0, 1 } }, second_uvs = { { 0, 0 }, { 0.5, 0 }, { 0, 0.5 } } }, material = \"m\" }",
+    );
+    let m = &s.materials[s.material_row("m").unwrap()];
+    assert!(m.lookup(TextureSlot::BaseColor).is_plain() && m.lookup(TextureSlot::Roughness).is_plain());
+    let Lookup { wrap, second, map } = m.lookup(TextureSlot::Mask);
+    assert_eq!((wrap, second), ([Wrap::Mirror, Wrap::Clamp], true));
+    let found = map.unwrap().transform_point2(Vec2::new(1.0, 1.0));
+    assert!((found - Vec2::new(1.0 - 3.0, 2.0)).length() < 1e-6, "scaled, turned to the left, moved: {found}");
+    let (c, _) = compile(&s).unwrap();
+    let uv = c.uv_at(0, [0.5, 0.25]);
+    assert_eq!((uv.first, uv.second), (Vec2::new(0.5, 0.25), Vec2::new(0.25, 0.125)));
+}
+
+#[test]
 fn other_scenes_are_taken_in_with_their_materials() {
     let f = folder("s:import(\"two.obj\", { prefix = \"two/\", place = { at = { 0, 5, 0 } } })");
     f.put("two.obj", "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\nusemtl clay\nf 3 2 1\n");
@@ -222,6 +242,12 @@ fn mistakes_name_the_line_and_what_helps() {
         ("s:import(\"none.obj\")", "none.obj"),
         ("local x = experiment(\"t\")", "no experiment"),
         ("texture.paint { size = { 2, 2 }, color = function() return 1, 2 end }", "expected one or three"),
+        ("texture.lay(3, {})", "a texture or the name of an image"),
+        ("texture.lay(\"none.png\", {})", "none.png"),
+        (
+            "texture.lay(texture.paint { size = { 1, 1 }, color = function() return 1 end }, { wrap = \"clmap\" })",
+            "`clamp`",
+        ),
         ("shape.extrude { outline = { { 0, 0 }, { 1, 1 } }, depth = 1 }", "expected at least 3"),
     ];
     for (body, expected) in cases {

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use lumbre::film::time::{TimeAxis, TimeCube, TimeFilter};
 use lumbre::math::stats::{chi_square_p, normal_two_sided_p, sidak};
 use lumbre::render::cpu::renderer::CpuRenderer;
 use lumbre::render::{Job, Renderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DelayProfile, Delays, Material, Part};
+use lumbre::scene::compile::{DelayProfile, Delays, Material, Part, Uv};
 use lumbre::scene::desc::{DelayDesc, DelayKind};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::delay::Profile;
@@ -282,7 +282,7 @@ fn a_profile_is_seen_as_it_is() {
         let slots = cube.slots(0, 0);
         let one = slots.iter().map(|s| s[0]).sum::<f64>() / samples as f64;
         let observed: Vec<f64> = slots.iter().map(|s| s[0] / one).collect();
-        let profile = lumbre::transport::delay::at(&DelayProfile::plain(&desc), &[], Vec2::ZERO);
+        let profile = lumbre::transport::delay::at(&DelayProfile::plain(&desc), &[], Uv::default());
         let below = |slot: usize| match slot {
             0 => 0.0,
             slot if slot == slots.len() => 1.0,

@@ -30,19 +30,20 @@ float profile_sample(Profile p, float u) {
 }
 
 // The profile in a row of `delay_profiles` where its textures are at these coordinates.
-Profile delay_at(uint row, vec2 uv) {
+Profile delay_at(uint row, Uv uv) {
     DelayProfile d = delay_profiles[row];
     vec2 texels = vec2(1.0);
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
         if (d.textures[i] != NONE) {
-            texels[i] = texture_bilinear(d.textures[i], uv * d.tiling_scale + d.tiling_offset).x;
+            vec2 place = texture_place(d.textures[i], uv, d.tiling_scale, d.tiling_offset);
+            texels[i] = texture_bilinear(d.textures[i], place).x;
         }
     }
     return Profile(d.kind, d.offset + d.value * texels, d.knots);
 }
 
 // The sum of one delay of each profile, `rows.y` from `rows.x`, at these texture coordinates.
-float delay_sample_all(uvec2 rows, vec2 uv, inout Independent chance) {
+float delay_sample_all(uvec2 rows, Uv uv, inout Independent chance) {
     float sum = 0.0;
     [[dont_unroll]] for (uint i = 0u; i < rows.y; ++i) {
         sum += profile_sample(delay_at(rows.x + i, uv), independent_next_1d(chance));

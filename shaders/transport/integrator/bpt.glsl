@@ -30,6 +30,10 @@ void bpt_sample(uvec2 pixel, inout Sampler numbers) {
         vec3 radiance;
         Length length;
         if (met) {
+            // The last edge finds light or nothing.
+            if (depth == job.max_depth && emitter_of(hit.primitive, hit.instance) == NONE) {
+                break;
+            }
             surface = flight_arrive(flight, ray, hit, chance);
             length = stamp_arrived(flight.stamp);
             if (over.present && !overhang_reaches(over, surface.position)) {

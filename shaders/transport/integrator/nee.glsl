@@ -91,6 +91,10 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
         Length length;
         float pdf_w = 0.0;
         if (met) {
+            // The last edge finds light or nothing.
+            if (depth == job.max_depth && emitter_of(hit.primitive, hit.instance) == NONE) {
+                break;
+            }
             surface = flight_arrive(flight, ray, hit, chance);
             length = stamp_arrived(flight.stamp);
             if (over.present && !overhang_reaches(over, surface.position)) {

@@ -21,19 +21,18 @@ LightPoint area_sample(uint i, vec2 u) {
     uint p = emitters[i].primitive;
     if (p < job.triangle_count) {
         Triangle corners = triangle_corners(p, emitters[i].instance);
-        TriangleAttributes a = attributes[p];
         vec2 vw = uniform_triangle(u);
         float rest = 1.0 - vw.x - vw.y;
         return LightPoint(
             i,
             corners.a * rest + corners.b * vw.x + corners.c * vw.y,
             normalize_or(cross(corners.b - corners.a, corners.c - corners.a), vec3(0.0)),
-            a.ta * rest + a.tb * vw.x + a.tc * vw.y
+            triangle_uv(p, vw)
         );
     }
     Sphere ball = area_sphere(i);
     vec3 normal = uniform_sphere(u);
-    return LightPoint(i, ball.center + normal * ball.radius, normal, sphere_uv(normal));
+    return LightPoint(i, ball.center + normal * ball.radius, normal, uv_of(sphere_uv(normal)));
 }
 
 // Density per area with which `area_sample` finds any point of emitter `i`.
@@ -54,7 +53,7 @@ uint area_material(uint i) {
 }
 
 // Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.
-vec3 area_emission(uint i, vec2 uv) {
+vec3 area_emission(uint i, Uv uv) {
     uint m = area_material(i);
     return materials[m].emission * coverage(m, uv) * lookup(materials[m].emission_texture, uv, m);
 }

@@ -14,14 +14,14 @@ float ball_pdf_a() {
 // The point outside the ball that a light without a place has in direction `wi` from a point.
 LightPoint ball_outside(uint light, vec3 from, vec3 wi) {
     float away = distance(from, job.ball_center) + 2.0 * job.ball_radius;
-    return LightPoint(light, from + wi * away, -wi, vec2(0.0));
+    return LightPoint(light, from + wi * away, -wi, Uv(0.0));
 }
 
 // A point uniform over the disk that touches the ball and whose normal `dir` looks at it.
 LightPoint ball_on_disk(uint light, vec3 dir, vec2 u) {
     vec2 d = concentric_disk(u) * job.ball_radius;
     vec3 position = job.ball_center + frame_to_world(frame_from_normal(dir), vec3(d, -job.ball_radius));
-    return LightPoint(light, position, dir, vec2(0.0));
+    return LightPoint(light, position, dir, Uv(0.0));
 }
 
 #endif

@@ -7,7 +7,7 @@
 #include "transport/light/types.glsl"
 
 LightPoint point_at(uint i, vec3 normal) {
-    return LightPoint(job.light_first.x + i, points[i].position, normal, vec2(0.0));
+    return LightPoint(job.light_first.x + i, points[i].position, normal, Uv(0.0));
 }
 
 // One minus the cosine of a unit direction with the axis of point `i`.

@@ -17,7 +17,7 @@ struct LightPoint {
     uint light;
     vec3 position;
     vec3 normal;
-    vec2 uv;
+    Uv uv;
 };
 
 // Light that arrives at a point, not yet tested for shadow; fields as in Rust.

@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand};
 pub use cluster::{CancelArgs, SlurmArgs, SubmitArgs, To, WorkArgs};
 pub use evidence::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, TraceArgs, ViewArgs};
 
+use crate::cli::exit;
 use crate::experiment::groups::Affinity;
 use crate::experiment::spec::{Deadline, Order};
 use crate::scene::load::Missing;
@@ -24,7 +25,7 @@ use crate::value::Value;
     long_about = "Lumbre runs light-transport experiments that a Lua script describes: which scenes, which techniques \
                   and parameters, against which reference, and when to stop. It renders every cell of the sweep, \
                   measures the error while it renders, and leaves pictures, curves and tables under out/.",
-    after_help = EXIT_CODES,
+    after_help = exit::EXPLAINED,
     subcommand_required = true,
     arg_required_else_help = true
 )]
@@ -36,22 +37,6 @@ pub struct Cli {
     #[command(subcommand)]
     pub verb: Verb,
 }
-
-const EXIT_CODES: &str = "\
-Exit codes:
-    0  all done
-    1  internal error
-    2  usage, script or scene error, found before any work
-    3  some cells failed
-    4  a limit was reached with work left
-    5  verification failed
-   75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
-  130  ended by Ctrl-C (128 plus the signal's number by a second signal, at once)
-
-Every end but the last writes a checkpoint: the same command goes on to the same bytes.
-SIGHUP, from a terminal that closed, writes one now, and the night goes on.
-
-Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
 
 /// Where results live if nobody says otherwise.
 const DEFAULT_OUT: &str = "out";
@@ -74,7 +59,7 @@ pub struct Global {
     /// Say nothing but errors, warnings and data
     #[arg(long, short, global = true)]
     pub quiet: bool,
-    /// Go on where a material's texture cannot be read: its scalar value is used, with a note (run, plan, check)
+    /// Go on where a material's texture cannot be read: its scalar value is used, with a note
     #[arg(long, global = true)]
     pub lenient: bool,
 }
@@ -141,13 +126,15 @@ pub enum Verb {
     Doctor(DoctorArgs),
     /// Check light transport: against theory, techniques against each other, and against images by others
     ///
-    /// Every check compares pictures block by block, as estimates with noise, and ends in a verdict. All checks together
-    /// call a correct program wrong with a probability of one in a thousand, whatever the seed. Checks:
+    /// Every check compares pictures block by block, as estimates with noise, and ends in a verdict. All
+    /// checks together call a correct program wrong with a probability of one in a thousand, whatever
+    /// the seed. Checks:
     ///
     ///   analytic   scenes whose radiance is known in closed form
     ///   density    the weights of bdpt, path by path, against their definition
     ///   agreement  the built-in scenes by every integrator and every variant of its parameters
     ///   reference  images made by others, with --scenes
+    ///   picture    images made by others without standard errors, with --scenes: by bounds, not by chance
     ///
     /// Exit code 5 says that a check failed.
     #[command(verbatim_doc_comment)]

@@ -40,6 +40,8 @@ pub struct Row {
     /// Share of the time of waves, from asking for one to having its film here, in which the device did not work; nothing
     /// for the processor itself.
     host_share: Option<f64>,
+    /// Milliseconds of a wave in which the device did not work, median: they do not depend on how long the wave is.
+    host_ms: Option<f64>,
 }
 
 /// Measures every integrator on some backends, at `resolution` and depth 5.
@@ -89,11 +91,13 @@ fn one(
         }
         samples *= 2;
     }
-    let (mut rates, mut shares) = (Vec::new(), Vec::new());
+    let (mut rates, mut shares, mut idle) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..repeats {
         let start = Instant::now();
         let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
-        shares.push(1.0 - wave.device_s / start.elapsed().as_secs_f64());
+        let whole = start.elapsed().as_secs_f64();
+        shares.push(1.0 - wave.device_s / whole);
+        idle.push((whole - wave.device_s) * 1e3);
         rates.push(wave.paths as f64 / wave.render_s / 1e6);
     }
     let share = median(shares);
@@ -109,6 +113,7 @@ fn one(
         pipeline_s,
         mpaths_per_s: median(rates),
         host_share: (share < 1.0).then_some(share),
+        host_ms: (share < 1.0).then(|| median(idle)),
     })
 }
 
@@ -125,6 +130,7 @@ impl Row {
             "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s, "upload_s": self.upload_s,
             "build_s": self.build_s, "pipeline_s": self.pipeline_s,
             "mpaths_per_s": self.mpaths_per_s, "frames_per_s": self.frames_per_s(), "host_share": self.host_share,
+            "host_ms": self.host_ms,
         })
     }
 }
@@ -142,6 +148,7 @@ pub fn table(rows: &[Row]) -> String {
         "build ms",
         "pipeline s",
         "host %",
+        "host ms",
     ];
     let mut lines = vec![head.map(str::to_owned).to_vec()];
     for r in rows {
@@ -156,6 +163,7 @@ pub fn table(rows: &[Row]) -> String {
             format!("{:.1}", r.build_s * 1e3),
             format!("{:.2}", r.pipeline_s),
             r.host_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1}", share * 100.0)),
+            r.host_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1}")),
         ]);
     }
     let mut devices: Vec<String> = rows.iter().map(|r| format!("{}: {}", r.backend, r.device)).collect();

@@ -26,20 +26,17 @@ pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> 
     let cell = &plan.cells[0];
     let (compiled, _) = compile(&cell.scene).map_err(|e| e.to_string())?;
     let config = &cell.config;
+    let technique = integrator(&config.integrator).ok_or("no such integrator")?;
+    let resolution = config.resolution.unwrap_or(compiled.resolution);
+    let max_depth = config.max_depth.unwrap_or(compiled.max_depth);
     let job = Job {
-        integrator: integrator(&config.integrator).ok_or("no such integrator")?,
         params: config.params.clone(),
-        resolution: config.resolution.unwrap_or(compiled.resolution),
-        max_depth: config.max_depth.unwrap_or(compiled.max_depth),
         rr_start: config.rr_start,
         filter: config.filter,
-        layers: Vec::new(),
         accel: config.accel,
-        timing: None,
         sampler: sampler(&config.sampler).ok_or("no such sampler")?,
-        seed: cell.seed,
-        first_sample: 0,
         threads,
+        ..Job::plain(technique, resolution, max_depth, cell.seed)
     };
     let row = backend("cpu").ok_or("no such backend")?;
     let mut renderer = (row.open)(compiled.into(), job).map_err(|e| e.to_string())?;

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use serde_json::{Value as Json, json};
 
-use super::{clock, metrics, night};
-use crate::experiment::{CellRef, Outline, WaveRow};
+use super::{metrics, night};
+use crate::experiment::{CellRef, Outline, WaveRow, processor};
 use crate::render::OpenStats;
 use crate::tui::model::Model;
 use crate::tui::offscreen::{Drawn, draw_for};
@@ -72,9 +72,9 @@ fn one(size: (u16, u16)) -> Result<Row, String> {
             model.wave(cell, &row, 0.05, now_s);
             model.picture(cell, pictures[1 + (waves % 2) as usize].clone());
         };
-        let before = clock::thread_s();
+        let before = processor::of_thread();
         let drawn = draw_for(TIME, size, &mut model, &mut news).map_err(|e| e.to_string())?;
-        let spent = before.zip(clock::thread_s()).map(|(before, after)| after - before);
+        let spent = before.zip(processor::of_thread()).map(|(before, after)| (after - before).as_secs_f64());
         Ok(Row { size, drawn, share: spent.map(|s| s / TIME.as_secs_f64()) })
     };
     let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(watching).map_err(|e| e.to_string())?;

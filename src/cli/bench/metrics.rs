@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use super::clock;
+use crate::experiment::processor;
 use crate::film::Image;
 use crate::math::rng::{pcg4d, unit};
 use crate::math::stats::median;
@@ -32,14 +32,16 @@ pub struct Row {
 /// on as many threads as there are cores.
 pub fn measure(repeats: usize) -> Vec<Row> {
     let (image, reference) = (picture(1), Arc::new(picture(2)));
+    let me = std::process::id();
     let time = |metric: String, run: &dyn Fn()| {
         run();
         let (mut seconds, mut processor) = (Vec::new(), Vec::new());
         for _ in 0..repeats {
-            let (start, before) = (Instant::now(), clock::process_s());
+            let (start, before) = (Instant::now(), processor::of_process(me));
             run();
             seconds.push(start.elapsed().as_secs_f64());
-            processor.extend(before.zip(clock::process_s()).map(|(before, after)| after - before));
+            processor
+                .extend(before.zip(processor::of_process(me)).map(|(before, after)| (after - before).as_secs_f64()));
         }
         let processor_s = (!processor.is_empty()).then(|| median(processor));
         Row { metric, seconds: median(seconds), processor_s }

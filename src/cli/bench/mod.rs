@@ -2,10 +2,10 @@
 
 mod backends;
 mod checkpoint;
-mod clock;
 mod cluster;
 mod dashboard;
 mod efficiency;
+mod handover;
 mod loading;
 mod long;
 mod metrics;
@@ -53,22 +53,26 @@ impl Report {
 /// # Errors
 /// When a given scene cannot be loaded or rendered, with a message for people.
 pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
+    let repeats = args.repeats as usize;
+    for file in &args.scenes {
+        // Nobody wants to hear of a mistyped name after the other scenes.
+        file.metadata().map_err(|e| format!("cannot read {}: {e}", file.display()))?;
+    }
+    if args.loading {
+        say("loading a mesh of a million triangles");
+        let found = loading::Loading::measure(repeats)?;
+        return Ok(Report { text: found.table(), json: json!({ "loading": found.to_json() }) });
+    }
     let built_in = BuiltIn::unpack()?;
     let mut scenes: Vec<(String, PathBuf)> = Vec::new();
     if !args.only {
         scenes.extend(built_in.scenes().into_iter().map(|file| (short(&file), file)));
     }
     scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
-    let repeats = args.repeats as usize;
-    if args.loading {
-        say("loading a mesh of a million triangles");
-        let found = loading::Loading::measure(repeats)?;
-        return Ok(Report { text: found.table(), json: json!({ "loading": found.to_json() }) });
-    }
     if let (true, Some((_, first))) = (args.time, scenes.first()) {
         say("measuring what time costs");
         let costs = time::measure(first, repeats)?;
-        return Ok(Report { text: time::table(&costs), json: json!({ "time": to_json(&costs) }) });
+        return Ok(Report { text: time::table(&costs), json: json!({ "time": time::to_json(&costs) }) });
     }
     if !args.backend.is_empty() {
         return compare_backends(args, &scenes, say);
@@ -130,7 +134,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         say("measuring what time costs");
         let costs = time::measure(first, repeats)?;
         text += &format!("\n{}", time::table(&costs));
-        json["time"] = to_json(&costs);
+        json["time"] = time::to_json(&costs);
         say("measuring the metrics");
         let times = metrics::measure(repeats);
         text += &format!("\n{}", metrics::table(&times));
@@ -140,10 +144,6 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         json["share_outside_advance"] = outside.into();
     }
     Ok(Report { json, text })
-}
-
-fn to_json(costs: &[time::Cost]) -> Json {
-    costs.iter().map(time::Cost::to_json).collect()
 }
 
 /// Rehearses a night of many workers in a folder instead.
@@ -169,12 +169,19 @@ fn compare_backends(
         let resolution = [args.width, args.height];
         rows.extend(backends::measure(name, file, &args.backend, resolution, args.repeats as usize)?);
     }
-    let json = json!({
+    let mut text = backends::table(&rows);
+    let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "repeats": args.repeats,
         "backends": rows.iter().map(backends::Row::to_json).collect::<Vec<_>>(),
     });
-    Ok(Report { text: backends::table(&rows), json })
+    if let Some((_, file)) = scenes.first() {
+        say("measuring what it costs to bring a picture from a worker");
+        let found = handover::HandOver::measure(file, args.repeats as usize)?;
+        text += &format!("\n{}", found.lines());
+        json["hand_over"] = found.to_json();
+    }
+    Ok(Report { text, json })
 }
 
 /// Seconds from starting this program to its end when it has nothing to do.

@@ -1,7 +1,8 @@
 //! What time costs: a film with a time axis beside the picture alone, and materials with delays or parts beside plain ones.
 //!
 //! All are the same scene with the same samples, so that what they trace is the same; they take turns on one thread, and
-//! ratios are of one turn.
+//! ratios are of one turn. What the first turn takes longer than the others, memory that is touched for the first time above
+//! all, is told apart.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,9 +25,12 @@ const SIZE: [u32; 2] = [160, 120];
 /// Samples of one turn.
 const SAMPLES: u64 = 8;
 
-/// The seconds of an integrator in each turn, for each of the kinds.
+/// The seconds of an integrator for each of the kinds.
 pub struct Cost {
     integrator: &'static str,
+    /// In the first turn.
+    first: [f64; KINDS.len()],
+    /// In each of the others.
     turns: Vec<[f64; KINDS.len()]>,
 }
 
@@ -69,9 +73,8 @@ fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, repeats: usize) ->
         }
         turns.push(turn);
     }
-    // The first is for warming up.
-    turns.remove(0);
-    Ok(Cost { integrator: integrator.name, turns })
+    let first = turns.remove(0);
+    Ok(Cost { integrator: integrator.name, first, turns })
 }
 
 fn open(desc: &SceneDesc, integrator: &'static IntegratorRow, film: bool) -> Result<Box<dyn Renderer>, String> {
@@ -109,18 +112,24 @@ impl Cost {
     }
 
     /// The figures by name.
-    pub fn to_json(&self) -> Json {
+    fn to_json(&self) -> Json {
         let kinds = KINDS.iter().enumerate().map(|(i, kind)| {
             let (seconds, ratio) = self.figures(i);
-            (kind.name.to_owned(), json!({ "seconds": seconds, "ratio": ratio }))
+            (kind.name.to_owned(), json!({ "seconds": seconds, "ratio": ratio, "first_s": self.first[i] }))
         });
         json!({ "integrator": self.integrator, "kinds": kinds.collect::<serde_json::Map<_, _>>() })
     }
 }
 
+/// The figures of all integrators.
+pub fn to_json(costs: &[Cost]) -> Json {
+    costs.iter().map(Cost::to_json).collect()
+}
+
 /// The figures for people.
 pub fn table(costs: &[Cost]) -> String {
-    let mut rows = vec![["time", "integrator", "Mpaths/s", "of its base", "base"].map(str::to_owned).to_vec()];
+    let mut rows =
+        vec![["time", "integrator", "Mpaths/s", "of its base", "base", "first turn"].map(str::to_owned).to_vec()];
     let paths = f64::from(SIZE[0] * SIZE[1]) * SAMPLES as f64;
     for cost in costs {
         for (i, kind) in KINDS.iter().enumerate() {
@@ -131,6 +140,7 @@ pub fn table(costs: &[Cost]) -> String {
                 format!("{:.3}", paths / seconds / 1e6),
                 format!("{ratio:.3}"),
                 KINDS[kind.base].name.to_owned(),
+                format!("{:.2}", cost.first[i] / seconds),
             ]);
         }
     }

@@ -13,7 +13,9 @@ use crate::cli::exit::{Exit, Failure, talk};
 use crate::cli::load::{decode, shown};
 use crate::cli::log::Log;
 use crate::cli::recorder::Recorder;
-use crate::cli::run::{Watcher, counted, exit_of, print_tables, say_disagreements, say_failures, write_evidence};
+use crate::cli::run::{
+    Watcher, counted, devices_of, exit_of, print_tables, say_disagreements, say_failures, write_evidence,
+};
 use crate::cli::signals::{self, Heard};
 use crate::cli::until;
 use crate::experiment::event::Event;
@@ -286,8 +288,9 @@ impl Worker<'_> {
             CellRef::Reference(place) => (0, place),
             CellRef::Cell(place) => (1, place),
         });
-        write_evidence(self.store, self.plan, &night)?;
-        print_tables(self.store, self.plan, &night)?;
+        let devices = devices_of(self.store, self.plan, &night);
+        write_evidence(self.store, self.plan, &night, &devices)?;
+        print_tables(self.plan, &night, &devices)?;
         say_failures(self.plan, &night);
         say_disagreements(self.plan, &night);
         self.say(|| format!("all is done; tables and figures were written to {}", shown(self.store.folder())));

@@ -230,6 +230,7 @@ fn mesh(material: &str, quads: &[[Vec3; 4]]) -> EntityDesc {
         normals: Vec::new(),
         uvs: Vec::new(),
         colors: Vec::new(),
+        second_uvs: Vec::new(),
         triangles: (0..quads.len() as u32).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i))).collect(),
         slots: vec![material.to_owned()],
         triangle_slot: vec![0; 2 * quads.len()],

@@ -15,6 +15,7 @@ use super::references::picture;
 use super::{Check, Outcome, Request, Verdict};
 use crate::cli::load;
 use crate::film::Image;
+use crate::math::stats::median;
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer};
 use crate::scene::compile;
@@ -216,12 +217,10 @@ fn smaller(image: &Image, by: u32) -> Image {
     })
 }
 
-/// The median of the relative errors of blocks, which are black in neither picture.
+/// The median of the relative errors of the blocks that are not black in their picture; NaN where all are.
 fn median_block(ours: &Image, theirs: &Image) -> f64 {
     let (ours, theirs) = (smaller(ours, BLOCK), smaller(theirs, BLOCK));
     let sum = |p: &[f32; 3]| p.iter().map(|c| f64::from(*c)).sum::<f64>();
     let pairs = ours.data.iter().zip(&theirs.data).map(|(a, b)| (sum(a), sum(b)));
-    let mut errors: Vec<f64> = pairs.filter(|(_, b)| *b > 0.0).map(|(a, b)| (a - b).abs() / b).collect();
-    errors.sort_by(f64::total_cmp);
-    errors.get(errors.len() / 2).copied().unwrap_or(0.0)
+    median(pairs.filter(|(_, b)| *b > 0.0).map(|(a, b)| (a - b).abs() / b))
 }

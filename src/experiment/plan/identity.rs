@@ -10,6 +10,7 @@
 //! with the truth it is measured against and look better than it is.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::{Plan, RunId};
 use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue};
@@ -59,6 +60,16 @@ fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
 /// The id of an identity: the first 32 hex digits of its hash.
 pub fn run_id(identity: &Value) -> RunId {
     RunId(digest(identity)[..32].to_owned())
+}
+
+/// The hash of a file's content.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn of_file(file: &Path) -> std::io::Result<blake3::Hash> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(std::fs::File::open(file)?)?;
+    Ok(hasher.finalize())
 }
 
 /// What decides a picture, but for its seed and its end. The configuration has nothing left open.

@@ -148,7 +148,7 @@ impl<'a> Resolver<'a> {
         if let Some(known) = self.reference_files.get(file) {
             return Ok(known.clone());
         }
-        let content = hash_file(file).map_err(|e| PlanError::ReferenceFile {
+        let content = identity::of_file(file).map_err(|e| PlanError::ReferenceFile {
             point: describe(point),
             file: file.to_owned(),
             reason: e.to_string(),
@@ -224,12 +224,6 @@ fn sampler_row(name: &str, point: &Point) -> Result<&'static SamplerRow, PlanErr
         name: name.to_owned(),
         help: help(name, SAMPLER_NAMES),
     })
-}
-
-fn hash_file(file: &Path) -> std::io::Result<blake3::Hash> {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(std::fs::File::open(file)?)?;
-    Ok(hasher.finalize())
 }
 
 /// Why a backend cannot render this, if it cannot.

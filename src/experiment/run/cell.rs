@@ -21,6 +21,7 @@ use crate::film::layer::LayerImage;
 use crate::film::time::{TimeCube, bytes};
 use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
+use crate::render::cpu::kept_bytes;
 use crate::render::halves::Halves;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
@@ -81,12 +82,17 @@ pub(super) struct Ended {
 impl Ended {
     pub(super) fn cached(run: FinishedRun) -> Ended {
         let FinishedRun { folder, rows, floors, open } = run;
-        Ended { outcome: Outcome::Cached(folder), rows, floors, open, ..Ended::failed(String::new()) }
+        Ended { rows, floors, open, ..Ended::only(Outcome::Cached(folder)) }
     }
 
     pub(super) fn failed(reason: String) -> Ended {
+        Ended::only(Outcome::Failed(reason))
+    }
+
+    /// An end that brought nothing.
+    pub(super) fn only(outcome: Outcome) -> Ended {
         Ended {
-            outcome: Outcome::Failed(reason),
+            outcome,
             film: None,
             layers: Arc::default(),
             times: None,
@@ -370,8 +376,7 @@ impl<'a> Night<'a, '_> {
 
     /// Whether somebody shows the light by time of a run that is small enough to be copied while it renders.
     fn shows_times(&self, work: &Work<'_>) -> bool {
-        let [width, height] = work.config.resolution.unwrap_or_default();
-        let pixels = u64::from(width) * u64::from(height);
+        let pixels = memory::pixels(work.config);
         let small = |timing: &Timing| bytes(&timing.axis, pixels, false).is_ok_and(|bytes| bytes <= MAX_SHOWN_BYTES);
         work.config.timing.as_ref().is_some_and(small) && self.sinks.iter().any(|sink| sink.shows_times())
     }
@@ -556,9 +561,9 @@ pub(super) fn crowded(field: &[(Running<'_>, Floors)], memory: Option<u64>) -> O
     if field.len() < 2 {
         return None;
     }
-    let free = memory.or_else(|| memory::machine().map(|[free, _]| free))?;
+    let free = memory.or_else(|| memory::machine().map(|[free, _]| free + kept_bytes()))?;
     let need = field.iter().map(|(run, _)| memory::run_bytes(run.work.config)).sum();
-    memory::refusal(field.len(), need, free)
+    memory::refusal(field.len(), need, memory::Room::Free(free))
 }
 
 /// The images of a renderer's layers; the sums of one at a time are in memory twice.

@@ -219,7 +219,7 @@ impl<'a, 's> Night<'a, 's> {
         }
         let Some(settled) = self.history.settled(self.plan, cell) else { return false };
         let ended = match settled {
-            Settled::Done(folder) => Ended { outcome: Outcome::Cached(folder), ..Ended::failed(String::new()) },
+            Settled::Done(folder) => Ended::only(Outcome::Cached(folder)),
             Settled::Failed(reason) => Ended::failed(reason),
         };
         if let CellRef::Reference(place) = cell {

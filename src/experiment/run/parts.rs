@@ -1,5 +1,6 @@
 //! References in parts: each is claimed, kept and finished by whoever comes, and whoever finds all of them there joins them.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::cell::{Ended, Work, guard};
@@ -14,10 +15,10 @@ use crate::film::Film;
 pub(super) enum Whole {
     /// It is rendered, and this is what longer ones can go on from.
     Joined(Box<(Ended, Option<Checkpoint>)>),
-    /// It cannot be had.
-    Failed(Ended),
-    /// A part that was there is there no more, or was damaged.
-    Missing,
+    /// It cannot be had, for this reason.
+    Failed(String),
+    /// This part, which was there, is there no more, or was damaged.
+    Missing(Part),
 }
 
 impl<'a> Night<'a, '_> {
@@ -27,8 +28,9 @@ impl<'a> Night<'a, '_> {
     /// Who else renders a part that is not there yet.
     pub(super) fn render_parts(&mut self, work: &Work<'a>, parts: &[Part]) -> Result<Option<Ended>, String> {
         let mut elsewhere = None;
+        let mut there = self.history.parts_there(self.plan, parts);
         for part in parts {
-            if self.is_there(part, parts) {
+            if self.is_there(part, &there) {
                 continue;
             }
             let piece = Piece::Part(*part);
@@ -41,8 +43,9 @@ impl<'a> Night<'a, '_> {
                 Err(error) => return Ok(Some(Ended::failed(error.to_string()))),
             }
             // Between the look and the claim, another process may have finished it, or joined all of them.
-            let there = self.is_there(part, parts) || self.history.done(self.plan, work.cell).is_some();
-            let ended = if there { None } else { self.render_part(work, *part) };
+            there = self.history.parts_there(self.plan, parts);
+            let done = self.is_there(part, &there) || self.history.done(self.plan, work.cell).is_some();
+            let ended = if done { None } else { self.render_part(work, *part, parts) };
             self.history.release(self.plan, piece);
             if ended.is_some() {
                 return Ok(ended);
@@ -51,14 +54,13 @@ impl<'a> Night<'a, '_> {
         elsewhere.map_or(Ok(None), Err)
     }
 
-    /// Whether a part needs no more rendering.
-    fn is_there(&self, part: &Part, parts: &[Part]) -> bool {
-        self.held.contains_key(&(part.reference, part.number))
-            || self.history.parts_there(self.plan, parts).contains(&part.number)
+    /// Whether a part needs no more rendering, where the history has those numbers.
+    fn is_there(&self, part: &Part, there: &BTreeSet<usize>) -> bool {
+        self.held.contains_key(&(part.reference, part.number)) || there.contains(&part.number)
     }
 
-    /// Renders a part that is claimed, and returns how that ended if it is not there now.
-    fn render_part(&mut self, work: &Work<'a>, part: Part) -> Option<Ended> {
+    /// Renders one of these parts that is claimed, and returns how that ended if it is not there now.
+    fn render_part(&mut self, work: &Work<'a>, part: Part, parts: &[Part]) -> Option<Ended> {
         let stop = StopRule::Samples(part.end - part.first);
         let mut ended = self.perform(Work { part: Some(part), stop, ..work.clone() });
         let mut kept = None;
@@ -81,21 +83,38 @@ impl<'a> Night<'a, '_> {
             return Some(Ended::failed(format!("{} could not be recorded: {reason}", part.words())));
         }
         if let Outcome::Done(_) = ended.outcome {
-            let parts = self.plan.references[part.reference].parts(part.reference);
-            if let Some(kept) = kept.filter(|_| !self.is_there(&part, &parts)) {
+            let there = self.history.parts_there(self.plan, parts);
+            if let Some(kept) = kept.filter(|_| !self.is_there(&part, &there)) {
                 // Nobody keeps it.
                 self.held.insert((part.reference, part.number), kept);
             }
             return None;
         }
         // Its sums are no picture of the reference.
-        let Ended { outcome, .. } = ended;
-        Some(Ended { outcome, ..Ended::failed(String::new()) })
+        Some(Ended::only(ended.outcome))
     }
 
-    /// Joins the parts of a reference that is claimed, in their order.
+    /// Joins the parts of a reference that is claimed, in their order. It fails where one is kept and cannot be read: it
+    /// would be neither rendered nor joined, for ever.
     pub(super) fn join(&mut self, work: &Work<'a>, parts: &[Part]) -> Whole {
-        let misfit = |part: &Part| Whole::Failed(Ended::failed(format!("{} does not fit to the others", part.words())));
+        let mut unread = None;
+        loop {
+            let whole = self.join_what_is_there(work, parts);
+            let Whole::Missing(part) = whole else { return whole };
+            if !self.history.parts_there(self.plan, parts).contains(&part.number) {
+                return whole;
+            }
+            // A shorter reference may have been joined in between, and have taken it: then it is found in the second look.
+            if unread.replace(part) == Some(part) {
+                let what = format!("{} is kept, alone or joined, and cannot be read", part.words());
+                return Whole::Failed(format!(
+                    "{what}: remove what `refs/parts` and `refs/sums` have of this reference"
+                ));
+            }
+        }
+    }
+
+    fn join_what_is_there(&mut self, work: &Work<'a>, parts: &[Part]) -> Whole {
         let mut joined = self.history.joined(self.plan, parts).and_then(|kept| Joined::begin(&kept).ok());
         let from = joined.as_ref().map_or(0, |joined| joined.sums.samples());
         let size = parts.first().map_or(0, |part| part.end);
@@ -103,7 +122,7 @@ impl<'a> Night<'a, '_> {
         for part in parts.iter().filter(|part| part.first >= from) {
             let held = self.held.get(&(part.reference, part.number)).cloned();
             let Some(kept) = held.or_else(|| self.history.part(self.plan, part).map(Arc::new)) else {
-                return Whole::Missing;
+                return Whole::Missing(*part);
             };
             if part.end - part.first != size {
                 // A longer reference has another part here, so it goes on from what is before it.
@@ -117,17 +136,16 @@ impl<'a> Night<'a, '_> {
                 }
             };
             if !fits {
-                return misfit(part);
+                return Whole::Failed(format!("{} does not fit to the others", part.words()));
             }
         }
-        let Some(joined) = joined else { return Whole::Missing };
+        let Some(joined) = joined else { return Whole::Failed("it has no parts".to_owned()) };
         if parts.last().is_some_and(|part| part.end - part.first == size) {
             ground = joined.keep().ok();
         }
-        let ended = self.whole(work, joined, parts.len());
-        match ended {
+        match self.whole(work, joined, parts.len()) {
             Ok(ended) => Whole::Joined(Box::new((ended, ground))),
-            Err(reason) => Whole::Failed(Ended::failed(reason)),
+            Err(reason) => Whole::Failed(reason),
         }
     }
 
@@ -140,14 +158,7 @@ impl<'a> Night<'a, '_> {
         self.say(Level::Info, work.cell, format!("joined from {parts} parts"))?;
         let film = Arc::new(guard("joining a reference", || Film::pooled(&halves[0], &halves[1]))?);
         let halves = Some(halves.map(Arc::new));
-        Ok(Ended {
-            outcome: Outcome::Done(reason),
-            film: Some(film),
-            rows,
-            halves,
-            open,
-            ..Ended::failed(String::new())
-        })
+        Ok(Ended { film: Some(film), rows, halves, open, ..Ended::only(Outcome::Done(reason)) })
     }
 
     /// Keeps what longer references go on from, and lets go of the parts that are in it. Nothing is lost where that fails,

@@ -46,7 +46,7 @@ impl<'a> Night<'a, '_> {
                 let ended = match self.history.image(plan, place) {
                     Ok(Some(image)) => {
                         self.recent = Some((place, Arc::new(image)));
-                        Ended { outcome: Outcome::Cached(file.clone()), ..Ended::failed(String::new()) }
+                        Ended::only(Outcome::Cached(file.clone()))
                     }
                     Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
                     Err(error) => Ended::failed(error.to_string()),
@@ -126,8 +126,8 @@ impl<'a> Night<'a, '_> {
             return Some(self.recorded(place, work, ended));
         }
         match self.join(work, parts) {
-            Whole::Missing => None,
-            Whole::Failed(ended) => Some(lost(&self.finish(work.cell, ended))),
+            Whole::Missing(_) => None,
+            Whole::Failed(reason) => Some(lost(&self.finish(work.cell, Ended::failed(reason)))),
             Whole::Joined(whole) => {
                 let (ended, ground) = *whole;
                 let truth = self.recorded(place, work, ended);

@@ -1,9 +1,10 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
 //! [`accel`] holds the hierarchy, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
-//! the sums of films beside the main one, `times` those of films with a time axis, and [`rates`] the measurement of both loops that `lumbre bench` prints.
+//! the sums of films beside the main one, `times` those of films with a time axis, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
+mod bins;
 mod build;
 mod compressed;
 mod copies;
@@ -16,6 +17,8 @@ pub mod renderer;
 mod times;
 mod traverse;
 mod wide;
+
+pub use bins::kept_bytes;
 
 use super::BackendRow;
 use crate::scene::desc::Model;

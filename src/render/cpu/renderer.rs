@@ -60,12 +60,13 @@ impl CpuRenderer {
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, RenderError> {
         let failed = |reason: String| RenderError::Failed { backend: "cpu", reason };
         let layers = LayerSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
-        let times = TimeSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(job.threads)
             .thread_name(|i| format!("render-{i}"))
             .build()
             .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
+        let times = pool.install(|| TimeSums::of(&job));
+        let times = times.map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let accel = pool
             .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
             .map_err(|e| failed(e.to_string()))?;

@@ -7,6 +7,7 @@
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
+use super::bins::Bins;
 use crate::film::Film;
 use crate::film::splat::{self, SplatSums};
 use crate::film::state::{Misfit, Saved, write_words};
@@ -18,9 +19,7 @@ use crate::transport::flight::Timing;
 /// All sums of a run by time.
 pub(super) struct TimeSums {
     timing: Timing,
-    /// `[y][x][slot][rgb]`. Pages that no light has reached are not there yet.
-    sum: Vec<[f64; 3]>,
-    square: Vec<[f32; 3]>,
+    bins: Bins,
     /// From the first splat on, in the same order.
     splats: OnceLock<SplatSums>,
 }
@@ -32,7 +31,7 @@ pub(super) struct TimeRow<'a> {
 }
 
 impl TimeSums {
-    /// Those that a job asks for, if any.
+    /// Those that a job asks for, if any, made ready by the threads of the pool in which this is called.
     ///
     /// # Errors
     /// When they are too large; in words.
@@ -41,8 +40,7 @@ impl TimeSums {
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         bytes(&timing.axis, pixels, job.integrator.splats)?;
         let n = pixels as usize * timing.axis.slots();
-        let (sum, square) = (vec![[0.0; 3]; n], vec![[0.0; 3]; n]);
-        Ok(Some(TimeSums { timing: timing.clone(), sum, square, splats: OnceLock::new() }))
+        Ok(Some(TimeSums { timing: timing.clone(), bins: Bins::new(n), splats: OnceLock::new() }))
     }
 
     /// The sums of every row of pixels, each to be taken by whoever renders it, and where splats go. Without a time axis
@@ -50,7 +48,7 @@ impl TimeSums {
     pub(super) fn rows(times: &mut Option<TimeSums>, height: u32) -> (Vec<Option<TimeRow<'_>>>, Option<Landing<'_>>) {
         match times {
             None => ((0..height).map(|_| None).collect(), None),
-            Some(TimeSums { timing, sum, square, splats }) => {
+            Some(TimeSums { timing, bins: Bins { sum, square }, splats }) => {
                 let n = sum.len();
                 let row = (n / (height as usize).max(1)).max(1);
                 let rows = sum.chunks_mut(row).zip(square.chunks_mut(row));
@@ -64,7 +62,7 @@ impl TimeSums {
     pub(super) fn film(&self, own: &Film) -> Film {
         let n = self.timing.axis.slots();
         let mut film = own.clone();
-        for (sum, slots) in film.sum.iter_mut().zip(self.sum.chunks_exact(n)) {
+        for (sum, slots) in film.sum.iter_mut().zip(self.bins.sum.chunks_exact(n)) {
             *sum = total(slots);
         }
         let Some(splats) = self.splats.get() else { return film };
@@ -75,7 +73,7 @@ impl TimeSums {
         let mut own_up_to = |until: usize, sums: &mut Vec<[f64; 3]>| {
             for i in next..until {
                 let sum = &mut sums[i / n];
-                (0..3).for_each(|c| sum[c] += self.sum[i][c]);
+                (0..3).for_each(|c| sum[c] += self.bins.sum[i][c]);
             }
             next = until + 1;
         };
@@ -83,12 +81,12 @@ impl TimeSums {
             own_up_to(i, &mut sums);
             let (all, pixel) = (&mut sums[i / n], &mut landed[i / n]);
             for c in 0..3 {
-                all[c] += self.sum[i][c] + splat[c];
+                all[c] += self.bins.sum[i][c] + splat[c];
                 pixel.0[c] += splat[c];
                 pixel.1[c] += squares[c];
             }
         });
-        own_up_to(self.sum.len(), &mut sums);
+        own_up_to(self.bins.sum.len(), &mut sums);
         for (pixel, landed) in landed.into_iter().enumerate() {
             let own = (film.sum[pixel], film.sum2[pixel]);
             film.sum2[pixel] = splat::join(landed, own, film.samples).1;
@@ -104,8 +102,8 @@ impl TimeSums {
             width,
             height,
             samples,
-            sum: self.sum.clone(),
-            square: self.square.clone(),
+            sum: self.bins.sum.clone(),
+            square: self.bins.square.clone(),
         };
         if let Some(splats) = self.splats.get() {
             splats.each(|i, splat, squares| {
@@ -119,11 +117,11 @@ impl TimeSums {
 
     /// Writes all sums; slots without light are left out.
     pub(super) fn save(&self, to: &mut dyn Write) -> io::Result<()> {
-        let lit = |i: &usize| self.sum[*i] != [0.0; 3] || self.square[*i] != [0.0; 3];
-        write_words(to, [self.sum.len() as u64, (0..self.sum.len()).filter(lit).count() as u64])?;
-        let words = (0..self.sum.len()).filter(lit).flat_map(|i| {
-            let [a, b, c] = self.square[i].map(|q| u64::from(q.to_bits()));
-            let [x, y, z] = self.sum[i].map(f64::to_bits);
+        let lit = |i: &usize| self.bins.sum[*i] != [0.0; 3] || self.bins.square[*i] != [0.0; 3];
+        write_words(to, [self.bins.sum.len() as u64, (0..self.bins.sum.len()).filter(lit).count() as u64])?;
+        let words = (0..self.bins.sum.len()).filter(lit).flat_map(|i| {
+            let [a, b, c] = self.bins.square[i].map(|q| u64::from(q.to_bits()));
+            let [x, y, z] = self.bins.sum[i].map(f64::to_bits);
             [i as u64 | a << 32, x, y, z, b | c << 32]
         });
         write_words(to, words)?;
@@ -133,20 +131,28 @@ impl TimeSums {
     /// Takes the sums of the same axis and picture.
     pub(super) fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Misfit> {
         let lit = [from.word()?, from.word()?];
-        if lit[0] != self.sum.len() as u64 {
+        if lit[0] != self.bins.sum.len() as u64 {
             return Err(Misfit);
         }
         for _ in 0..lit[1] {
             let (place, sum) = (from.word()?, [from.word()?, from.word()?, from.word()?]);
             let rest = from.word()?;
             let i = (place & u64::from(u32::MAX)) as usize;
-            let (Some(at), Some(square)) = (self.sum.get_mut(i), self.square.get_mut(i)) else { return Err(Misfit) };
+            let (Some(at), Some(square)) = (self.bins.sum.get_mut(i), self.bins.square.get_mut(i)) else {
+                return Err(Misfit);
+            };
             *at = sum.map(f64::from_bits);
             *square = [place >> 32, rest & u64::from(u32::MAX), rest >> 32].map(|q| f32::from_bits(q as u32));
         }
-        let splats = SplatSums::restore(self.sum.len(), from)?;
+        let splats = SplatSums::restore(self.bins.sum.len(), from)?;
         self.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
         Ok(())
+    }
+}
+
+impl Drop for TimeSums {
+    fn drop(&mut self) {
+        self.bins.leave();
     }
 }
 

@@ -14,7 +14,7 @@ use glam::DAffine3;
 use super::buffer::Buffer;
 use super::device::Device;
 use super::error::VulkanError;
-use super::layout::Triangle;
+use super::layout::{INSTANCE_COPIES, INSTANCE_SPHERES, INSTANCE_TRIANGLES, Triangle};
 use super::upload::SceneBuffers;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
@@ -55,13 +55,8 @@ pub struct Accel {
     pub bytes: u64,
 }
 
-/// What shaders take an instance's custom index for; see `shaders/trace/instances.glsl`.
-const TRIANGLES: u32 = 0;
-const SPHERES: u32 = 1;
-const COPIES: u32 = 2;
-
 /// Custom indices have 24 bits.
-const MOST_COPIES: usize = (1 << 24) - COPIES as usize;
+const MOST_COPIES: usize = (1 << 24) - INSTANCE_COPIES as usize;
 
 impl Accel {
     /// Builds the structures of a scene whose buffers are on the device.
@@ -105,13 +100,13 @@ impl Accel {
         let world = scene.world_triangles() as u32;
         if world > 0 {
             let made = mesh("triangles", 0..world, flags)?;
-            instances.push(instance(made, TRIANGLES, 0, DAffine3::IDENTITY));
+            instances.push(instance(made, INSTANCE_TRIANGLES, 0, DAffine3::IDENTITY));
         }
         let meshes = scene.instances.meshes.iter();
         let meshes = meshes.map(|m| mesh("mesh", m.triangles.clone(), vk::GeometryFlagsKHR::empty()));
         let meshes: Vec<u64> = meshes.collect::<Result<_, _>>()?;
         for (row, place) in (0..).zip(&scene.instances.places) {
-            instances.push(instance(meshes[place.mesh as usize], COPIES + row, 0, place.to_world));
+            instances.push(instance(meshes[place.mesh as usize], INSTANCE_COPIES + row, 0, place.to_world));
         }
         if !scene.spheres.is_empty() {
             let rows: Vec<[f32; 6]> = scene
@@ -131,7 +126,7 @@ impl Accel {
                 .geometry(vk::AccelerationStructureGeometryDataKHR { aabbs })
                 .flags(flags);
             bottom.push(build(device, accel, "spheres", geometry, rows.len() as u32, true)?);
-            instances.push(instance(address(accel, &bottom), SPHERES, 1, DAffine3::IDENTITY));
+            instances.push(instance(address(accel, &bottom), INSTANCE_SPHERES, 1, DAffine3::IDENTITY));
         }
         let words: Vec<u8> = instances.iter().flat_map(bytes_of_instance).collect();
         let rows = Buffer::with(device, "instances", &words, BUILD_INPUT)?;
@@ -232,6 +227,7 @@ fn build(
     // SAFETY: as above.
     let queries = unsafe { device.raw.create_query_pool(&query_info, None) }
         .map_err(|r| device.failed("vkCreateQueryPool", r))?;
+    device.name(queries, "compacted size");
     let stage = vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR;
     let done = device.run(&format!("build {name}"), |commands| {
         device.barrier(

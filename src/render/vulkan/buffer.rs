@@ -72,6 +72,16 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// A buffer of zeros for shaders, of so many bytes or, so that there is something to bind, a few more.
+    ///
+    /// # Errors
+    /// As [`Buffer::with`].
+    pub fn zeros(device: &Arc<Device>, name: &str, size: u64) -> Result<Buffer, VulkanError> {
+        let buffer = Buffer::new(device, name, size.max(16), vk::BufferUsageFlags::empty())?;
+        buffer.clear()?;
+        Ok(buffer)
+    }
+
     fn make(
         device: &Arc<Device>,
         name: &str,

@@ -1,30 +1,34 @@
-//! The hierarchy that `shaders/trace/bvh.glsl` walks: eight-wide nodes with compressed boxes [Ylitie et al. 2017, Efficient
-//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs], built by `obvhs` over triangles and spheres alike.
+//! The hierarchies that `shaders/trace/bvh.glsl` walks: eight-wide nodes with compressed boxes [Ylitie et al. 2017, Efficient
+//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs], built by `obvhs`. One stands over the triangles that are no
+//! copies, over spheres and over the boxes of copies; a mesh that stands in many places has one of its own, in its own space.
+//! All lie behind one another in the same arrays, the scene's first.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ash::vk;
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::node::CwBvhNode;
 
 use super::buffer::Buffer;
 use super::device::Device;
 use super::error::VulkanError;
+use super::layout::{self, BVH_STACK};
+use crate::render::entrance::{self, Entrance};
 use crate::scene::CompiledScene;
 
-/// Entries of the traversal stack in the shader, one for each level.
-const STACK: usize = 32;
-
-/// A scene's hierarchy on a device.
+/// A scene's hierarchies on a device.
 pub struct Bvh {
     /// Nodes, 80 bytes each.
     pub nodes: Buffer,
     /// Primitive ids, in the order in which leaves name them.
     pub primitives: Buffer,
+    /// How rays enter copies.
+    pub entrances: Buffer,
     /// Number of nodes.
     pub node_count: usize,
     /// Seconds spent building.
@@ -32,42 +36,129 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds the hierarchy of a scene and copies it to a device.
+    /// Builds the hierarchies of a scene and copies them to a device.
     ///
     /// # Errors
-    /// When it is too deep for the shader's stack, or does not fit onto the device.
+    /// When they are too deep for the shader's stack, or do not fit onto the device.
     pub fn new(device: &Arc<Device>, scene: &CompiledScene) -> Result<Bvh, VulkanError> {
         let start = Instant::now();
-        let bvh = build(scene);
-        let levels = levels(&bvh);
-        if levels > STACK {
-            return Err(VulkanError::Lacks {
-                device: device.info.line(),
-                needed: format!("a traversal stack of {levels} entries for this scene's hierarchy; there are {STACK}"),
-            });
+        let trees = Trees::new(scene);
+        if trees.stack > BVH_STACK as usize {
+            let needed = format!(
+                "a traversal stack of {} entries for this scene's hierarchy; there are {BVH_STACK}",
+                trees.stack
+            );
+            return Err(VulkanError::Lacks { device: device.info.line(), needed });
         }
         let build_s = start.elapsed().as_secs_f64();
         let none = vk::BufferUsageFlags::empty();
         Ok(Bvh {
-            nodes: Buffer::with(device, "nodes", bytemuck::cast_slice::<_, [u32; 20]>(&bvh.nodes), none)?,
-            primitives: Buffer::with(device, "primitives of leaves", &bvh.primitive_indices, none)?,
-            node_count: bvh.nodes.len(),
+            nodes: Buffer::with(device, "nodes", bytemuck::cast_slice::<_, [u32; 20]>(&trees.nodes), none)?,
+            primitives: Buffer::with(device, "primitives of leaves", &trees.primitives, none)?,
+            entrances: Buffer::with(device, "entrances of copies", &trees.entrances, none)?,
+            node_count: trees.nodes.len(),
             build_s,
         })
     }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> u64 {
+        self.nodes.size + self.primitives.size + self.entrances.size
+    }
 }
 
-fn build(scene: &CompiledScene) -> CwBvh {
-    let spheres = scene.spheres.iter().map(|s| {
-        let (c, r) = (Vec3A::from(s.center), Vec3A::splat(s.radius));
-        Aabb::new(c - r, c + r)
-    });
-    let triangles = scene.triangles.iter().map(|t| Aabb::from_points(&t.map(Vec3A::from)));
-    let boxes: Vec<Aabb> = triangles.chain(spheres).collect();
+/// The hierarchies of a scene as the device is to have them.
+#[derive(Default)]
+struct Trees {
+    nodes: Vec<CwBvhNode>,
+    primitives: Vec<u32>,
+    entrances: Vec<layout::Entrance>,
+    /// The most entries that a ray has on the stack.
+    stack: usize,
+}
+
+impl Trees {
+    fn new(scene: &CompiledScene) -> Trees {
+        let places = &scene.instances.places;
+        let mut trees = Trees::default();
+        let world = scene.world_triangles();
+        let triangles = scene.triangles[..world].iter().map(|t| Aabb::from_points(&t.map(Vec3A::from)));
+        let spheres = scene.spheres.iter().map(|s| {
+            let (c, r) = (Vec3A::from(s.center), Vec3A::splat(s.radius));
+            Aabb::new(c - r, c + r)
+        });
+        let mut boxes: Vec<Aabb> = triangles.chain(spheres).collect();
+        let meshes: Vec<CwBvh> = scene
+            .instances
+            .meshes
+            .iter()
+            .map(|mesh| {
+                let own = &scene.triangles[mesh.triangles.start as usize..mesh.triangles.end as usize];
+                build(&own.iter().map(|t| Aabb::from_points(&t.map(Vec3A::from))).collect::<Vec<_>>(), None)
+            })
+            .collect();
+        boxes.extend(places.iter().map(|place| {
+            let first = meshes[place.mesh as usize].nodes.first();
+            let [low, high] = entrance::bounds(place, first.into_iter().flat_map(children));
+            Aabb::new(low.into(), high.into())
+        }));
+        // A copy is dear to enter: each has its own box.
+        let top = build(&boxes, (!places.is_empty()).then_some(1));
+        trees.stack = levels(&top);
+        // Ids count all triangles, those of shared meshes too, then spheres, then copies.
+        trees.push(&top, |i| if (i as usize) < world { i } else { i - world as u32 + scene.triangles.len() as u32 });
+        let roots: Vec<u32> = (meshes.iter().zip(&scene.instances.meshes))
+            .map(|(tree, mesh)| trees.push(tree, |i| i + mesh.triangles.start))
+            .collect();
+        if let Some(deepest) = meshes.iter().map(levels).max() {
+            // What waits beside a copy in its leaf, and the way back to the world.
+            trees.stack += 2 + deepest;
+        }
+        trees.entrances = places
+            .iter()
+            .map(|place| {
+                let aabb = meshes[place.mesh as usize].total_aabb;
+                let Entrance { inverse, pivot } = Entrance::new(place, [aabb.min.into(), aabb.max.into()]);
+                layout::Entrance {
+                    inverse_x: inverse.x_axis.into(),
+                    inverse_y: inverse.y_axis.into(),
+                    inverse_z: inverse.z_axis.into(),
+                    pivot_world: pivot[0].into(),
+                    pivot_own: pivot[1].into(),
+                    root: roots[place.mesh as usize],
+                }
+            })
+            .collect();
+        trees
+    }
+
+    /// Puts a tree behind the others, its primitives under their ids in the scene. Returns its first node.
+    fn push(&mut self, tree: &CwBvh, id: impl Fn(u32) -> u32) -> u32 {
+        let (first, primitives) = (self.nodes.len() as u32, self.primitives.len() as u32);
+        self.nodes.extend(tree.nodes.iter().map(|node| CwBvhNode {
+            child_base_idx: node.child_base_idx + first,
+            primitive_base_idx: node.primitive_base_idx + primitives,
+            ..*node
+        }));
+        self.primitives.extend(tree.primitive_indices.iter().map(|i| id(*i)));
+        first
+    }
+}
+
+/// The boxes of the children of a node.
+fn children(node: &CwBvhNode) -> impl Iterator<Item = [Vec3; 2]> + '_ {
+    let there = (0..8).filter(|child| !node.is_child_empty(*child));
+    there.map(|child| node.child_aabb(child)).map(|aabb| [aabb.min.into(), aabb.max.into()])
+}
+
+/// A tree over boxes, with so many of them in a leaf.
+fn build(boxes: &[Aabb], most: Option<u32>) -> CwBvh {
     if boxes.is_empty() {
         return CwBvh::default();
     }
-    build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
+    let mut params = BvhBuildParams::medium_build();
+    params.max_prims_per_leaf = most.unwrap_or(params.max_prims_per_leaf);
+    build_cwbvh(boxes, params, &mut Duration::default())
 }
 
 /// Levels of nodes. A ray leaves at most one entry on the stack for each.

@@ -47,15 +47,10 @@ impl DelayRows {
         }
         if let Some(profile) = timing.map(|t| &t.emission).filter(|p| **p != Profile::NONE) {
             rows.emission = rows.profiles.len() as u32;
-            let (kind, value, table) = match profile {
-                Profile::Constant(delay) => (1, [*delay, 0.0], None),
-                Profile::Exponential(rate) => (2, [*rate, 0.0], None),
-                Profile::Epanechnikov { mean, width } => (3, [*mean, *width], None),
-                Profile::Table(table) => (4, [0.0; 2], Some(table)),
-            };
+            let (kind, value, table) = profile.to_parts();
             let knots = rows.table(table);
             rows.profiles.push(layout::DelayProfile {
-                kind,
+                kind: kind as u32,
                 value,
                 offset: [0.0; 2],
                 textures: [NONE; 2],

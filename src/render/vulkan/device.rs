@@ -348,7 +348,7 @@ impl Device {
             let pipelines = raw.create_pipeline_cache(&cache_info, None).map_err(call("vkCreatePipelineCache"))?;
             (queue, pool, fence, queries, pipelines)
         };
-        Ok(Arc::new(Device {
+        let device = Arc::new(Device {
             accel: traces.then(|| khr::acceleration_structure::Device::new(&instance.raw, &raw)),
             tracing: caps.pipeline.then(|| khr::ray_tracing_pipeline::Device::new(&instance.raw, &raw)),
             debug: instance.debug.then(|| ext::debug_utils::Device::new(&instance.raw, &raw)),
@@ -363,7 +363,13 @@ impl Device {
             pass: Mutex::new("open".to_owned()),
             info,
             raw,
-        }))
+        });
+        device.name(queue, "queue");
+        device.name(pool, "commands");
+        device.name(fence, "commands are done");
+        device.name(queries, "timestamps");
+        device.name(pipelines, "pipelines");
+        Ok(device)
     }
 
     /// Whether the device did not finish a pass, so that objects must be leaked rather than destroyed.
@@ -497,6 +503,7 @@ impl Device {
             let commands = self.raw.allocate_command_buffers(&allocate).map_err(fail("vkAllocateCommandBuffers"))?;
             let done = (|| {
                 self.raw.begin_command_buffer(commands[0], &begin).map_err(fail("vkBeginCommandBuffer"))?;
+                self.name(commands[0], pass);
                 record(commands[0]);
                 self.raw.end_command_buffer(commands[0]).map_err(fail("vkEndCommandBuffer"))?;
                 let submit = [vk::SubmitInfo::default().command_buffers(&commands)];

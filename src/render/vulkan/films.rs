@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use ash::vk;
+use rayon::prelude::*;
 
 use super::buffer::{Buffer, Readback};
 use super::device::Device;
@@ -17,6 +18,9 @@ use crate::film::splat::{join, squares_of_words, sum_of_words};
 use crate::film::state::{Misfit, Saved, write_sums, write_words};
 use crate::film::time::{TimeAxis, TimeCube};
 use crate::render::paths::MOST_STEPS;
+
+/// Pixels that a thread takes at once.
+const TOGETHER: usize = 4096;
 
 /// Sums of splats of one film at one pixel: three sums, three sums of squares.
 pub type Landed = ([f64; 3], [f64; 3]);
@@ -93,22 +97,17 @@ impl Films {
         let splat_films = layout.films().iter().filter(|film| film.splats).count() as u64;
         let times = Times::new(device, axis, pixels, mode.bytes())?;
         let slots = if mode == SplatMode::None { 0 } else { pixels * (times.slots() as u64 + splat_films) };
-        let cleared = |name: &str, size: u64| {
-            let buffer = Buffer::new(device, name, size.max(16), vk::BufferUsageFlags::empty())?;
-            buffer.clear()?;
-            Ok::<Buffer, VulkanError>(buffer)
-        };
         let step_rows = if steps { u64::from(resolution[0]) * MOST_STEPS as u64 } else { 0 };
         let row = size_of::<Sums>() as u64;
         let largest = (row * pixels).max(mode.bytes() * slots).max(row * pixels * films);
         Ok(Films {
-            sums: cleared("sums of pixels", row * pixels)?,
-            invalid: cleared("refused samples", size_of::<Invalid>() as u64 * pixels)?,
-            counters: cleared("counters", size_of::<Counters>() as u64)?,
-            splats: cleared("splats", mode.bytes() * slots)?,
-            layer_sums: cleared("sums of layers", row * pixels * films)?,
-            layer_values: cleared("values of layers", 12 * pixels * films)?,
-            steps: cleared("steps of samples", size_of::<PathStep>() as u64 * step_rows)?,
+            sums: Buffer::zeros(device, "sums of pixels", row * pixels)?,
+            invalid: Buffer::zeros(device, "refused samples", size_of::<Invalid>() as u64 * pixels)?,
+            counters: Buffer::zeros(device, "counters", size_of::<Counters>() as u64)?,
+            splats: Buffer::zeros(device, "splats", mode.bytes() * slots)?,
+            layer_sums: Buffer::zeros(device, "sums of layers", row * pixels * films)?,
+            layer_values: Buffer::zeros(device, "values of layers", 12 * pixels * films)?,
+            steps: Buffer::zeros(device, "steps of samples", size_of::<PathStep>() as u64 * step_rows)?,
             landed: if mode == SplatMode::Float { vec![Landed::default(); slots as usize] } else { Vec::new() },
             readback: Readback::new(device, largest)?,
             counted: Readback::new(device, size_of::<Counters>() as u64)?,
@@ -187,13 +186,14 @@ impl Films {
     pub fn end_wave(&mut self) -> Result<(), VulkanError> {
         if self.mode == SplatMode::Float {
             self.readback.fetch(&[&self.splats])?;
-            for (landed, words) in self.landed.iter_mut().zip(self.readback.bytes().chunks_exact(24)) {
+            let waves = self.readback.bytes().par_chunks_exact(size_of::<[f32; 6]>());
+            self.landed.par_iter_mut().zip(waves).with_min_len(TOGETHER).for_each(|(landed, words)| {
                 let wave: [f32; 6] = bytemuck::pod_read_unaligned(words);
                 for c in 0..3 {
                     landed.0[c] += f64::from(wave[c]);
                     landed.1[c] += f64::from(wave[3 + c]);
                 }
-            }
+            });
             self.splats.clear()?;
         }
         Ok(())
@@ -204,26 +204,25 @@ impl Films {
     /// # Errors
     /// When the device fails.
     pub fn picture(&self, film: &mut Film) -> Result<(), VulkanError> {
-        let pixels = film.sum.len();
-        self.read_sums(false, pixels, |i, sums| {
-            film.sum[i] = sums.0;
-            film.sum2[i] = sums.1;
-        })?;
+        let (pixels, samples) = (film.sum.len(), film.samples);
+        // The device waits meanwhile: all threads share the work.
+        let both = film.sum.par_iter_mut().zip(&mut film.sum2).with_min_len(TOGETHER);
+        let rows = self.fetch_sums(&self.sums)?.par_chunks_exact(size_of::<Sums>());
+        both.zip(rows).for_each(|((sum, sum2), row)| (*sum, *sum2) = sums_of(row));
         if let Some(read) = self.read_times(pixels)? {
             read.make_picture(film);
         } else if self.mode != SplatMode::None {
-            let landed = self.read_splats(0, 1, pixels)?;
-            let samples = film.samples;
-            for (i, landed) in landed.into_iter().enumerate() {
-                (film.sum[i], film.sum2[i]) = join(landed, (film.sum[i], film.sum2[i]), samples);
-            }
+            let landed = self.fetch_splats()?;
+            let both = film.sum.par_iter_mut().zip(&mut film.sum2).with_min_len(TOGETHER);
+            both.enumerate().for_each(|(i, (sum, sum2))| (*sum, *sum2) = join(landed(i), (*sum, *sum2), samples));
         }
         Ok(())
     }
 
     fn read_times(&self, pixels: usize) -> Result<Option<Read>, VulkanError> {
         let splats = self.mode != SplatMode::None && self.times.slots() > 1;
-        let landed = splats.then(|| self.read_splats(0, 1, pixels * self.times.slots())).transpose()?;
+        let slots = 0..pixels * self.times.slots();
+        let landed = splats.then(|| Ok::<_, VulkanError>(slots.map(self.fetch_splats()?).collect())).transpose()?;
         self.times.read(pixels, landed)
     }
 
@@ -243,16 +242,16 @@ impl Films {
     pub fn layer(&self, index: usize, samples: u64) -> Result<Film, VulkanError> {
         let mut film = Film { samples, ..Film::new(self.resolution[0], self.resolution[1]) };
         let (pixels, films) = (film.sum.len(), self.layout.films().len());
-        self.read_sums(true, pixels * films, |i, sums| {
-            if i % films == index {
-                (film.sum[i / films], film.sum2[i / films]) = sums;
-            }
-        })?;
+        let rows = self.fetch_sums(&self.layer_sums)?.chunks_exact(size_of::<Sums>());
+        for (i, row) in rows.skip(index).step_by(films).take(pixels).enumerate() {
+            (film.sum[i], film.sum2[i]) = sums_of(row);
+        }
         if self.mode != SplatMode::None && self.layout.films()[index].splats {
             let splat_films = self.layout.films().iter().filter(|film| film.splats).count();
             let slot = self.layout.films()[..index].iter().filter(|film| film.splats).count();
-            let landed = self.read_splats(pixels * self.times.slots() + slot, splat_films, pixels)?;
-            for (i, landed) in landed.into_iter().enumerate() {
+            let (landed, first) = (self.fetch_splats()?, pixels * self.times.slots() + slot);
+            for i in 0..pixels {
+                let landed = landed(first + i * splat_films);
                 (film.sum[i], film.sum2[i]) = join(landed, (film.sum[i], film.sum2[i]), samples);
             }
         }
@@ -300,35 +299,32 @@ impl Films {
         Ok(())
     }
 
-    fn read_sums(
-        &self,
-        layers: bool,
-        rows: usize,
-        mut give: impl FnMut(usize, ([f64; 3], [f64; 3])),
-    ) -> Result<(), VulkanError> {
-        self.readback.fetch(&[if layers { &self.layer_sums } else { &self.sums }])?;
-        let bytes = self.readback.bytes();
-        for (i, row) in bytes.chunks_exact(size_of::<Sums>()).take(rows).enumerate() {
-            let s: Sums = bytemuck::pod_read_unaligned(row);
-            let both = |sum: [f32; 3], rest: [f32; 3]| [0, 1, 2].map(|c| f64::from(sum[c]) + f64::from(rest[c]));
-            give(i, (both(s.sum, s.sum_rest), both(s.sum2, s.sum2_rest)));
-        }
-        Ok(())
+    /// The rows of sums of a buffer.
+    fn fetch_sums(&self, buffer: &Buffer) -> Result<&[u8], VulkanError> {
+        self.readback.fetch(&[buffer])?;
+        Ok(self.readback.bytes())
     }
 
-    /// The sums of `count` slots from `first`, `step` apart.
-    fn read_splats(&self, first: usize, step: usize, count: usize) -> Result<Vec<Landed>, VulkanError> {
-        let slots = (0..count).map(|i| first + i * step);
-        if self.mode == SplatMode::Float {
-            return Ok(slots.map(|slot| self.landed[slot]).collect());
+    /// The sums of splats by slot. Whoever asks knows that there are any.
+    fn fetch_splats(&self) -> Result<impl Fn(usize) -> Landed + Sync + '_, VulkanError> {
+        if self.mode == SplatMode::Fixed {
+            self.readback.fetch(&[&self.splats])?;
         }
-        self.readback.fetch(&[&self.splats])?;
-        let bytes = self.readback.bytes();
-        let landed = |slot: usize| {
+        let (bytes, landed, fixed) = (self.readback.bytes(), &self.landed[..], self.mode == SplatMode::Fixed);
+        Ok(move |slot: usize| {
+            if !fixed {
+                return landed[slot];
+            }
             let words: [[u32; 4]; 6] = bytemuck::pod_read_unaligned(&bytes[slot * 96..][..96]);
             let [a, b, c, d, e, f] = words;
             ([a, b, c].map(sum_of_words), [d, e, f].map(squares_of_words))
-        };
-        Ok(slots.map(landed).collect())
+        })
     }
+}
+
+/// The sums in a row, and the sums of squares.
+fn sums_of(row: &[u8]) -> ([f64; 3], [f64; 3]) {
+    let s: Sums = bytemuck::pod_read_unaligned(row);
+    let both = |sum: [f32; 3], rest: [f32; 3]| [0, 1, 2].map(|c| f64::from(sum[c]) + f64::from(rest[c]));
+    (both(s.sum, s.sum_rest), both(s.sum2, s.sum2_rest))
 }

@@ -30,6 +30,10 @@ pub struct Instance {
     pub validated: bool,
 }
 
+/// What is missing where the loader makes no instance.
+const NO_DRIVER: &str = "there is a Vulkan loader, but it finds no driver that it can load; install that of the graphics card, \
+                         or one that needs none (Mesa's lavapipe)";
+
 /// Turns the validation layer on for the instance that the first use makes; call it before. Tests do.
 pub fn validate() {
     VALIDATE.store(true, Ordering::Relaxed);
@@ -82,7 +86,10 @@ fn create() -> Result<Instance, VulkanError> {
         info = info.push_next(&mut features);
     }
     // SAFETY: everything the structure points to lives until the call returns.
-    let raw = unsafe { entry.create_instance(&info, None) }.map_err(call("vkCreateInstance"))?;
+    let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDevice(NO_DRIVER.to_owned()),
+        other => call("vkCreateInstance")(other),
+    })?;
     if validated {
         messenger.p_next = std::ptr::null();
         let debug_utils = ext::debug_utils::Instance::new(&entry, &raw);

@@ -46,7 +46,7 @@ fn head(in_words: usize, out_words: usize) -> String {
 /// What stands after it.
 const TAIL: &str = "\nvoid main() { if (gl_GlobalInvocationID.x < kernel_rows) twin(); }\n";
 
-/// Compiles a kernel: a text that defines `void twin()` with the functions of the head.
+/// Compiles a kernel: a text that defines `void twin()` with the functions of the head; `defines` as for [`spirv::compile`].
 ///
 /// # Errors
 /// When it does not compile.
@@ -56,9 +56,10 @@ pub fn compile(
     text: &str,
     in_words: usize,
     out_words: usize,
+    defines: &[(&str, String)],
 ) -> Result<Vec<u32>, VulkanError> {
     let whole = format!("{}{text}{TAIL}", head(in_words, out_words));
-    Ok(spirv::compile(sources, name, &whole, &[], &[])?)
+    Ok(spirv::compile(sources, name, &whole, defines, &[])?)
 }
 
 /// Runs a compiled kernel over rows of `in_words` words each; every row answers with `out_words` words.

@@ -84,6 +84,9 @@ impl Bindings {
                 device.raw.allocate_descriptor_sets(&info).map_err(|r| device.failed("vkAllocateDescriptorSets", r))?
                     [0];
         }
+        device.name(made.layout, "scene and films");
+        device.name(made.pool, "scene and films");
+        device.name(made.set, "scene and films");
         for (i, b) in (0u32..).zip(bound) {
             let write = vk::WriteDescriptorSet::default().dst_set(made.set).dst_binding(i).descriptor_type(kind(b));
             match b {
@@ -134,11 +137,11 @@ pub struct Module {
 }
 
 impl Module {
-    /// Hands SPIR-V to the device.
+    /// Hands SPIR-V to the device, under a name for messages.
     ///
     /// # Errors
     /// When the device lacks something, or refuses it.
-    pub fn new(device: &Arc<Device>, words: &[u32]) -> Result<Module, VulkanError> {
+    pub fn new(device: &Arc<Device>, name: &str, words: &[u32]) -> Result<Module, VulkanError> {
         if spirv::uses_doubles(words) && !device.info.caps.doubles {
             let needed = "numbers of double precision in shaders (shaderFloat64)".to_owned();
             return Err(VulkanError::Lacks { device: device.info.line(), needed });
@@ -147,6 +150,7 @@ impl Module {
         // SAFETY: the words come from the compiler and live through the call.
         let raw = unsafe { device.raw.create_shader_module(&info, None) }
             .map_err(|r| device.failed("vkCreateShaderModule", r))?;
+        device.name(raw, name);
         Ok(Module { device: Arc::clone(device), raw })
     }
 
@@ -234,6 +238,7 @@ impl Pipeline {
             unsafe { device.raw.destroy_pipeline_layout(layout, None) };
         })?;
         device.name(raw, name);
+        device.name(layout, name);
         device.keep_cache();
         let made = Pipeline { layout, raw };
         shelf.insert(key, made);
@@ -260,7 +265,7 @@ impl Compute {
         push: u32,
     ) -> Result<Compute, VulkanError> {
         let pipeline = Pipeline::of(bindings, name, &[words], (vk::ShaderStageFlags::COMPUTE, push), |layout| {
-            let module = Module::new(device, words)?;
+            let module = Module::new(device, name, words)?;
             let stage = module.stage(vk::ShaderStageFlags::COMPUTE);
             let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
             // SAFETY: module and layout live through the call.

@@ -83,7 +83,7 @@ impl Traversal {
     /// What is bound after the films.
     pub fn bound(&self) -> Vec<Bound<'_>> {
         match self {
-            Traversal::Bvh(bvh) => vec![Bound::Storage(&bvh.nodes), Bound::Storage(&bvh.primitives)],
+            Traversal::Bvh(bvh) => [&bvh.nodes, &bvh.primitives, &bvh.entrances].map(Bound::Storage).into(),
             Traversal::Accel(accel) => vec![Bound::Acceleration(accel.top())],
         }
     }
@@ -91,11 +91,15 @@ impl Traversal {
     /// Seconds of the build, number of nodes where they are known, and bytes on the device.
     pub fn built(&self) -> (f64, u64, u64) {
         match self {
-            Traversal::Bvh(bvh) => (bvh.build_s, bvh.node_count as u64, bvh.nodes.size + bvh.primitives.size),
+            Traversal::Bvh(bvh) => (bvh.build_s, bvh.node_count as u64, bvh.bytes()),
             Traversal::Accel(accel) => (accel.build_s, 0, accel.bytes),
         }
     }
 }
+
+/// Shaders that keep the vertices of subpaths have room for a multiple of so many edges, so that a sweep over depths makes few
+/// pipelines.
+const DEPTH_STEP: u32 = 4;
 
 /// The shader of an integrator: at the same place as its Rust original.
 pub fn shader_of(sources: &Sources, integrator: &str) -> Option<String> {
@@ -134,7 +138,7 @@ impl Program {
             "generated/integrator.glsl",
             format!(
                 "#define MAX_DEPTH {}u\n#include \"{shader}\"\n#define INTEGRATOR_SAMPLE {name}_sample\n",
-                job.max_depth.max(1)
+                job.max_depth.max(1).next_multiple_of(DEPTH_STEP)
             ),
         )];
         let compile = |path: &str| sources.compile(path, defines, &generated);

@@ -22,12 +22,9 @@ use crate::film::time::{self, TimeCube};
 use crate::render::paths::{MOST_STEPS, SampleAt, Step};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
-use crate::scene::compile::NONE;
+use crate::scene::compile::{MOST_UNFOLDED, NONE};
 use crate::transport::contribution::Contribution;
 use crate::transport::ray::{Hit, Ray};
-
-/// Triangles and spheres up to which scenes with copies of meshes are unfolded for a device: some four gigabytes.
-const MOST_UNFOLDED: usize = 1 << 24;
 
 /// A run on a device. Its fields go in the order in which they are written: what uses others first.
 pub struct VulkanRenderer {
@@ -98,14 +95,13 @@ impl VulkanRenderer {
         steps: bool,
     ) -> Result<VulkanRenderer, VulkanError> {
         let unfolded;
-        // Acceleration structures have copies; they are placed in double precision, as on the CPU.
-        let copies = kind != Kind::Compute && device.info.caps.doubles;
-        let scene = if scene.instances.places.is_empty() || copies {
+        // Copies are placed in double precision, as on the CPU.
+        let scene = if scene.instances.places.is_empty() || device.info.caps.doubles {
             scene
         } else {
             unfolded = scene.flattened(MOST_UNFOLDED).map_err(|found| VulkanError::Lacks {
                 device: device.info.line(),
-                needed: format!("copies of meshes without triangles of their own, which would be {found} (at most {MOST_UNFOLDED} are unfolded)"),
+                needed: format!("numbers of double precision in shaders (shaderFloat64) for copies of meshes, which would be {found} triangles (at most {MOST_UNFOLDED} are unfolded)"),
             })?;
             &unfolded
         };
@@ -147,6 +143,9 @@ impl VulkanRenderer {
         }
         if !scene.instances.places.is_empty() {
             defines.push(("COPIES", String::new()));
+        }
+        if !scene.second_uvs.is_empty() {
+            defines.push(("SECOND_UVS", String::new()));
         }
         if steps {
             defines.push(("PATHS", String::new()));

@@ -10,9 +10,9 @@ use crate::scene::CompiledScene;
 /// The open device. It is kept for the next run, and forgotten once it failed.
 static DEVICE: Mutex<Option<Arc<Device>>> = Mutex::new(None);
 
-/// A scene on a device: which device, the hash of the scene and its number of triangles, which unfolding changes, its
-/// buffers.
-type Copied = (Weak<Device>, ([u8; 32], usize), Weak<SceneBuffers>);
+/// A scene on a device: which device, the hash of the scene with its numbers of triangles and of copies, which unfolding
+/// changes, its buffers.
+type Copied = (Weak<Device>, ([u8; 32], usize, usize), Weak<SceneBuffers>);
 
 /// The last scene, as long as a run uses it.
 static SCENE: Mutex<Option<Copied>> = Mutex::new(None);
@@ -49,7 +49,7 @@ pub fn scene(device: &Arc<Device>, scene: &CompiledScene) -> Result<Arc<SceneBuf
     let mut shared = SCENE.lock().unwrap_or_else(PoisonError::into_inner);
     // Scenes made in code have no hash.
     let known = scene.content_hash != [0; 32];
-    let key = (scene.content_hash, scene.triangles.len());
+    let key = (scene.content_hash, scene.triangles.len(), scene.instances.places.len());
     if let Some((on, made_of, buffers)) = &*shared
         && known
         && *made_of == key

@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use ash::vk;
-
 use super::buffer::Buffer;
 use super::device::Device;
 use super::error::{VulkanError, mib};
@@ -65,12 +63,11 @@ impl Times {
                 });
             }
         }
-        let cleared = |name: &str, size: u64| {
-            let buffer = Buffer::new(device, name, size.max(16), vk::BufferUsageFlags::empty())?;
-            buffer.clear()?;
-            Ok::<Buffer, VulkanError>(buffer)
-        };
-        Ok(Times { axis, sums: cleared("sums by time", row * slots)?, values: cleared("values by time", 12 * slots)? })
+        Ok(Times {
+            axis,
+            sums: Buffer::zeros(device, "sums by time", row * slots)?,
+            values: Buffer::zeros(device, "values by time", 12 * slots)?,
+        })
     }
 
     /// How many slots a pixel of the picture has where splats are summed.
@@ -84,39 +81,41 @@ impl Times {
     /// When the device fails.
     pub fn read(&self, pixels: usize, landed: Option<Vec<Landed>>) -> Result<Option<Read>, VulkanError> {
         let Some(axis) = self.axis else { return Ok(None) };
-        let rows: Vec<TimeSums> = self.sums.read(pixels * axis.slots())?;
-        let sum = |s: &TimeSums| [0, 1, 2].map(|c| f64::from(s.sum[c]) + f64::from(s.sum_rest[c]));
-        let own = rows.iter().map(|s| (sum(s), s.square)).collect();
-        Ok(Some(Read { axis, own, landed }))
+        Ok(Some(Read { axis, own: self.sums.read(pixels * axis.slots())?, landed }))
     }
 }
 
 /// What was read from a device: sums of own samples and of splats, `[pixel][slot]`.
 pub struct Read {
     axis: TimeAxis,
-    own: Vec<([f64; 3], [f32; 3])>,
+    own: Vec<TimeSums>,
     landed: Option<Vec<Landed>>,
 }
 
 impl Read {
-    /// The light of every pixel by its time.
-    pub fn cube(&self, [width, height]: [u32; 2], samples: u64) -> TimeCube {
-        let joined = |(i, (sum, square)): (usize, &([f64; 3], [f32; 3]))| match &self.landed {
+    /// The sums of a slot, and its sums of squares.
+    fn slot(&self, i: usize, samples: u64) -> ([f64; 3], [f32; 3]) {
+        let TimeSums { sum, sum_rest, square } = self.own[i];
+        let sum = [0, 1, 2].map(|c| f64::from(sum[c]) + f64::from(sum_rest[c]));
+        match &self.landed {
             Some(landed) => {
-                let (sum, squares) = join(landed[i], (*sum, square.map(f64::from)), samples);
+                let (sum, squares) = join(landed[i], (sum, square.map(f64::from)), samples);
                 (sum, squares.map(|q| q as f32))
             }
-            None => (*sum, *square),
-        };
-        let (sum, square) = self.own.iter().enumerate().map(joined).unzip();
+            None => (sum, square),
+        }
+    }
+
+    /// The light of every pixel by its time.
+    pub fn cube(&self, [width, height]: [u32; 2], samples: u64) -> TimeCube {
+        let (sum, square) = (0..self.own.len()).map(|i| self.slot(i, samples)).unzip();
         TimeCube { axis: self.axis, width, height, samples, sum, square }
     }
 
     /// Makes the sums of `film`, which are those of own samples, the sums over the slots in their order, splats included.
     pub fn make_picture(&self, film: &mut Film) {
         let n = self.axis.slots();
-        let cube = self.cube([film.width, film.height], film.samples);
-        for (i, slots) in cube.sum.chunks_exact(n).enumerate() {
+        for i in 0..film.sum.len() {
             if let Some(landed) = &self.landed {
                 let mut here = Landed::default();
                 for (sum, squares) in &landed[i * n..(i + 1) * n] {
@@ -127,7 +126,7 @@ impl Read {
                 }
                 film.sum2[i] = join(here, (film.sum[i], film.sum2[i]), film.samples).1;
             }
-            film.sum[i] = total(slots);
+            film.sum[i] = total((i * n..(i + 1) * n).map(|slot| self.slot(slot, film.samples).0));
         }
     }
 }

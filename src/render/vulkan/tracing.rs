@@ -86,7 +86,7 @@ impl Tracing {
         let pipeline = Pipeline::of(bindings, name, &shaders.map(|(words, _)| words), (STAGES, push), |layout| {
             let modules: Vec<(Module, vk::ShaderStageFlags)> = shaders
                 .iter()
-                .map(|(words, stage)| Ok((Module::new(device, words)?, *stage)))
+                .map(|(words, stage)| Ok((Module::new(device, name, words)?, *stage)))
                 .collect::<Result<_, VulkanError>>()?;
             let stages: Vec<_> = modules.iter().map(|(module, stage)| module.stage(*stage)).collect();
             let info = vk::RayTracingPipelineCreateInfoKHR::default()

@@ -1,5 +1,6 @@
 //! From a compiled scene and a job to the buffers of `shaders/scene.glsl`.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ash::vk;
@@ -38,13 +39,13 @@ fn number(model: Model) -> u32 {
 pub struct SceneBuffers {
     /// Corners of the triangles, which acceleration structures are built from.
     pub triangles: Buffer,
-    others: [Buffer; 9],
+    others: [Buffer; 11],
 }
 
 /// What depends on the job too.
 pub struct JobBuffers {
     job: Buffer,
-    others: [Buffer; 9],
+    others: [Buffer; 7],
 }
 
 impl SceneBuffers {
@@ -114,6 +115,8 @@ impl SceneBuffers {
                 Buffer::with(device, "emitters", &emitters, plain)?,
                 Buffer::with(device, "point lights", &points, plain)?,
                 Buffer::with(device, "directional lights", &directionals, plain)?,
+                Buffer::with(device, "places of copies", &places(scene), plain)?,
+                Buffer::with(device, "materials of copies", &scene.instances.materials, plain)?,
             ],
         })
     }
@@ -145,8 +148,6 @@ impl JobBuffers {
                 Buffer::with(device, "parts of materials", &delays.parts, plain)?,
                 Buffer::with(device, "profiles in time", &delays.profiles, plain)?,
                 Buffer::with(device, "knots of tables", &delays.knots, plain)?,
-                Buffer::with(device, "places of copies", &places(scene), plain)?,
-                Buffer::with(device, "materials of copies", &scene.instances.materials, plain)?,
             ],
         })
     }
@@ -252,14 +253,40 @@ fn map_of(scene: &CompiledScene) -> Option<&compile::Texture> {
     scene.environment.as_ref().and_then(|e| e.map.as_deref())
 }
 
-/// Textures and their texels, the environment's map last; behind those the colours of vertices.
+/// All textures, the environment's map last, each with the index of its first texel; and behind the last texel. Textures
+/// may share texels, which are there once.
+fn placed(scene: &CompiledScene) -> (Vec<(&compile::Texture, u32)>, u32) {
+    let (mut known, mut rows, mut end) = (BTreeMap::new(), Vec::new(), 0);
+    for t in scene.textures.iter().chain(map_of(scene)) {
+        let first = *known.entry(Arc::as_ptr(&t.texels).cast::<()>()).or_insert(end);
+        end = end.max(first + t.texels.len() as u32);
+        rows.push((t, first));
+    }
+    (rows, end)
+}
+
+/// Textures and their texels; behind those what triangles have at their corners: colours, and second coordinates.
 fn textures(scene: &CompiledScene) -> (Vec<layout::Texture>, Vec<[f32; 3]>) {
     let (mut rows, mut texels) = (Vec::new(), Vec::new());
-    for t in scene.textures.iter().chain(map_of(scene)) {
-        rows.push(layout::Texture { first: texels.len() as u32, width: t.width, height: t.height });
-        texels.extend_from_slice(&t.texels);
+    for (t, first) in placed(scene).0 {
+        let map = t.lookup.map.unwrap_or_default();
+        rows.push(layout::Texture {
+            first,
+            width: t.width,
+            height: t.height,
+            wrap: t.lookup.wrap.map(|wrap| wrap as u32),
+            second: t.lookup.second.into(),
+            moved: t.lookup.map.is_some().into(),
+            map_u: map.matrix2.x_axis.into(),
+            map_v: map.matrix2.y_axis.into(),
+            map_origin: map.translation.into(),
+        });
+        if first as usize == texels.len() {
+            texels.extend_from_slice(&t.texels);
+        }
     }
     texels.extend(scene.colors.as_flattened().iter().map(Vec3::to_array));
+    texels.extend(scene.second_uvs.as_flattened().iter().map(|uv| [uv.x, uv.y, 0.0]));
     (rows, texels)
 }
 
@@ -300,6 +327,7 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: 
     let map = surroundings.and_then(|s| s.map.as_ref());
     let timing = job.timing.as_ref();
     let axis = timing.map(|t| t.axis);
+    let behind = placed(scene).1;
     let (filter, radius) = match timing.map_or(TimeFilter::None, |t| t.filter) {
         TimeFilter::None => (0, 0.0),
         TimeFilter::Box(radius) => (1, radius),
@@ -338,9 +366,10 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: 
         triangle_count: scene.triangles.len() as u32,
         sphere_count: scene.spheres.len() as u32,
         has_tangents: u32::from(!scene.tangents.is_empty()),
-        first_color: match scene.colors.is_empty() {
+        first_color: if scene.colors.is_empty() { NONE } else { behind },
+        first_second_uv: match scene.second_uvs.is_empty() {
             true => NONE,
-            false => scene.textures.iter().chain(map_of(scene)).map(|t| t.texels.len() as u32).sum(),
+            false => behind + scene.colors.as_flattened().len() as u32,
         },
         light_count: lights.count() as u32,
         light_first: lights.first,

@@ -13,8 +13,9 @@ use crate::scene::CompiledScene;
 pub enum Request {
     /// A scene to keep until the next one comes.
     Scene(Arc<CompiledScene>),
-    /// To open a run of a backend on that scene, under a number.
-    Open(u64, String, Box<Job>),
+    /// To open a run of a backend on that scene, under a number, and where its film is to be left, by the name of a
+    /// [`SharedFilm`](super::shared::SharedFilm).
+    Open(u64, String, Box<Job>, Option<String>),
     /// To add so many samples.
     Advance(u64, u64),
     /// The film of a layer.
@@ -38,6 +39,8 @@ pub enum Reply {
     Opened(OpenStats),
     /// Samples were added, and this is the film now.
     Advanced(WaveStats, Film),
+    /// Samples were added, and the film now, of so many, is where it was to be left.
+    Left(WaveStats, u64),
     /// A layer's film.
     Layer(Film),
     /// The light by its time, of a film with a time axis.
@@ -74,12 +77,13 @@ macro_rules! enums {
 
 enums! {
     Request {
-        0u8: Scene(scene), 1u8: Open(run, backend, job), 2u8: Advance(run, samples), 3u8: Layer(run, index),
+        0u8: Scene(scene), 1u8: Open(run, backend, job, film), 2u8: Advance(run, samples), 3u8: Layer(run, index),
         4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run), 7u8: Times(run),
     }
     Reply {
         0u8: Ready(version), 1u8: Opened(stats), 2u8: Advanced(stats, film), 3u8: Layer(film), 4u8: Saved(state),
         5u8: Restored(film), 6u8: Unsaved(problem), 7u8: Failed(error), 8u8: Times(cube), 9u8: Alive(),
+        10u8: Left(stats, samples),
     }
 }
 

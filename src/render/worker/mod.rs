@@ -7,13 +7,15 @@
 //! says what makes no sense, gives no sign of life or takes many times as long as before is ended, and its runs fail as
 //! [`RenderError::Lost`].
 //!
-//! The clock is the worker's: `render_s` is the time inside its renderer, and what goes through the pipe is none of it.
+//! The clock is the worker's: `render_s` is the time inside its renderer, and what goes through the pipe is none of it. Nor is
+//! the film after each wave, which the worker leaves in memory that both see ([`shared`]).
 
 mod frame;
 mod message;
 mod process;
 mod serve;
 mod shape;
+mod shared;
 mod wire;
 
 use std::io::{self, Write};
@@ -24,6 +26,7 @@ pub use process::{BEAT, Launcher, Process, SILENCE};
 pub use serve::serve;
 
 use self::message::{Reply, Request};
+use self::shared::SharedFilm;
 use self::wire::Blob;
 use super::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
@@ -102,13 +105,15 @@ impl Pool {
         }
         let run = there.runs;
         there.runs += 1;
-        let reply = there.ask(&Request::Open(run, backend.to_owned(), Box::new(job)), None).map_err(lost)?;
+        let shared = self.launcher.films.as_deref().and_then(|folder| SharedFilm::new(folder).ok());
+        let name = shared.as_ref().map(SharedFilm::name);
+        let reply = there.ask(&Request::Open(run, backend.to_owned(), Box::new(job), name), None).map_err(lost)?;
         let open_stats = match reply {
             Reply::Opened(stats) => stats,
             other => return Err(refused(&mut there, backend, other)),
         };
         drop(there);
-        Ok(WorkerRenderer { backend, process, run, film, layout, pace: None, open_stats })
+        Ok(WorkerRenderer { backend, process, run, film, shared, layout, pace: None, open_stats })
     }
 }
 
@@ -135,6 +140,8 @@ pub struct WorkerRenderer {
     process: Arc<Mutex<Process>>,
     run: u64,
     film: Film,
+    /// Where the worker leaves the film, if it can.
+    shared: Option<SharedFilm>,
     layout: Layout,
     /// Seconds of a sample, of the slowest wave so far.
     pace: Option<f64>,
@@ -174,15 +181,24 @@ impl WorkerRenderer {
 impl Renderer for WorkerRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
-        match self.ask_within(&Request::Advance(self.run, samples), limit(self.pace, samples))? {
+        let stats = match self.ask_within(&Request::Advance(self.run, samples), limit(self.pace, samples))? {
             Reply::Advanced(stats, film) => {
-                let pace = start.elapsed().as_secs_f64() / samples.max(1) as f64;
-                self.pace = Some(self.pace.map_or(pace, |slowest| slowest.max(pace)));
                 self.film = film;
-                Ok(stats)
+                stats
             }
-            _ => Err(self.astray()),
-        }
+            Reply::Left(stats, samples) => {
+                let taken = self.shared.as_ref().map(|shared| shared.take(&mut self.film));
+                if !matches!(taken, Some(Ok(()))) {
+                    return Err(self.astray());
+                }
+                self.film.samples = samples;
+                stats
+            }
+            _ => return Err(self.astray()),
+        };
+        let pace = start.elapsed().as_secs_f64() / samples.max(1) as f64;
+        self.pace = Some(self.pace.map_or(pace, |slowest| slowest.max(pace)));
+        Ok(stats)
     }
 
     fn film(&self) -> &Film {

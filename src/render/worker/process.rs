@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use super::frame;
 use super::message::{Reply, Request};
+use super::shared;
 
 /// How a worker is started: a program and its arguments.
 #[derive(Clone, Debug)]
@@ -21,12 +22,15 @@ pub struct Launcher {
     pub arguments: Vec<String>,
     /// How long a worker may give no sign of life before it counts as stopped.
     pub silence: Duration,
+    /// The folder for films that program and worker both see; without one films go through the pipe.
+    pub films: Option<PathBuf>,
 }
 
 impl Launcher {
-    /// A program with its arguments, which counts as stopped after [`SILENCE`].
+    /// A program with its arguments, which counts as stopped after [`SILENCE`], and films in memory where that can be.
     pub fn new<const N: usize>(program: PathBuf, arguments: [&str; N]) -> Launcher {
-        Launcher { program, arguments: arguments.map(str::to_owned).into(), silence: SILENCE }
+        let films = shared::folder();
+        Launcher { program, arguments: arguments.map(str::to_owned).into(), silence: SILENCE, films }
     }
 }
 

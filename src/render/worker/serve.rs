@@ -11,6 +11,7 @@ use std::thread;
 use super::frame;
 use super::message::{Reply, Request};
 use super::process::BEAT;
+use super::shared::SharedFilm;
 use super::wire::Blob;
 use crate::render::{Job, RenderError, Renderer};
 use crate::scene::CompiledScene;
@@ -22,7 +23,13 @@ pub type Open<'a> = &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn 
 struct Bench<'a> {
     open: Open<'a>,
     scene: Option<Arc<CompiledScene>>,
-    runs: BTreeMap<u64, Box<dyn Renderer>>,
+    runs: BTreeMap<u64, Run>,
+}
+
+/// A run, and where its film is left; through the pipe if nowhere.
+struct Run {
+    renderer: Box<dyn Renderer>,
+    film: Option<SharedFilm>,
 }
 
 /// Works until the requests end, or a device is lost, and with it this process. A thread of its own gives signs of life all
@@ -85,9 +92,13 @@ fn text_of(payload: &(dyn Any + Send)) -> &str {
 }
 
 impl Bench<'_> {
-    fn run(&mut self, run: u64) -> Result<&mut Box<dyn Renderer>, RenderError> {
+    fn run(&mut self, run: u64) -> Result<&mut Run, RenderError> {
         let unknown = || RenderError::Failed { backend: "worker", reason: format!("there is no run {run}") };
         self.runs.get_mut(&run).ok_or_else(unknown)
+    }
+
+    fn renderer(&mut self, run: u64) -> Result<&mut dyn Renderer, RenderError> {
+        Ok(self.run(run)?.renderer.as_mut())
     }
 
     fn carry_out(&mut self, request: Request) -> Result<Option<Reply>, RenderError> {
@@ -97,30 +108,38 @@ impl Bench<'_> {
                 self.scene = Some(scene);
                 return Ok(None);
             }
-            Request::Open(run, backend, job) => {
+            Request::Open(run, backend, job, film) => {
                 let none = || RenderError::Failed { backend: "worker", reason: "there is no scene".to_owned() };
                 let scene = self.scene.clone().ok_or_else(none)?;
                 let renderer = (self.open)(&backend, scene, *job)?;
                 let stats = renderer.open_stats().clone();
-                self.runs.insert(run, renderer);
+                // What cannot be opened here is not needed.
+                let film = film.and_then(|name| SharedFilm::open(&name).ok());
+                self.runs.insert(run, Run { renderer, film });
                 Reply::Opened(stats)
             }
             Request::Advance(run, samples) => {
-                let renderer = self.run(run)?;
+                let Run { renderer, film: shared } = self.run(run)?;
                 let stats = renderer.advance(samples)?;
-                Reply::Advanced(stats, renderer.film().clone())
+                let film = renderer.film();
+                if shared.as_ref().is_some_and(|shared| shared.put(film).is_ok()) {
+                    Reply::Left(stats, film.samples)
+                } else {
+                    *shared = None;
+                    Reply::Advanced(stats, film.clone())
+                }
             }
-            Request::Layer(run, index) => Reply::Layer(self.run(run)?.layer(index)?),
-            Request::Times(run) => Reply::Times(self.run(run)?.times()),
+            Request::Layer(run, index) => Reply::Layer(self.renderer(run)?.layer(index)?),
+            Request::Times(run) => Reply::Times(self.renderer(run)?.times()),
             Request::Save(run) => {
                 let mut state = Vec::new();
-                match self.run(run)?.save(&mut state) {
+                match self.renderer(run)?.save(&mut state) {
                     Ok(saved) => Reply::Saved(saved.then_some(Blob(state))),
                     Err(problem) => Reply::Unsaved(problem.to_string()),
                 }
             }
             Request::Restore(run, Blob(state)) => {
-                let renderer = self.run(run)?;
+                let renderer = self.renderer(run)?;
                 renderer.restore(&state)?;
                 Reply::Restored(renderer.film().clone())
             }

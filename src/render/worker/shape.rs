@@ -1,6 +1,7 @@
 //! What of the program's own types goes through the pipe.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::wire::{Garbled, Reader, Wire, structs, words};
 use crate::film::Film;
@@ -12,8 +13,8 @@ use crate::render::{BACKENDS, Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{
     Cone, DelayKind, DelayParam, DelayProfile, Delays, DirectionalLight, Distribution, Emitter, Environment, Instance,
-    Instances, Interface, MaskMode, Material, Model, Part, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes,
-    UvMap,
+    Instances, Interface, Lookup, MaskMode, Material, Model, Part, PointLight, SharedMesh, Sphere, Texture,
+    TriangleAttributes, UvMap, Wrap,
 };
 use crate::scene::desc::{CameraDesc, Optics};
 use crate::transport::camera::{FILTERS, FilterKind, FilterSpec};
@@ -41,7 +42,8 @@ structs! {
     PointLight { position, intensity, cone }
     DirectionalLight { direction, irradiance }
     Environment { map, radiance, rotation_rad }
-    Texture { width, height, texels }
+    Texture { width, height, texels, lookup }
+    Lookup { wrap, second, map }
     UvMap { scale, offset }
     CameraDesc { position, target, up, fov_deg, aperture, focus_distance, optics }
     Optics { f_number, focal_length, sensor_height }
@@ -49,6 +51,7 @@ structs! {
     Delays { rows, parts, profiles }
     Part { upto, material, profiles }
     DelayProfile { kind, params, tiling, table }
+    DelayParam { value, offset, texture }
     Timing { axis, filter, camera, medium, emission, metres }
     TimeAxis { start, bin, bins }
     WaveStats { samples, render_s, device_s, paths, rays, invalid, first_invalid }
@@ -59,6 +62,7 @@ words! {
     Model: Model::ALL,
     Distribution: Distribution::ALL,
     MaskMode: MaskMode::ALL,
+    Wrap: Wrap::ALL,
     DelayKind: DelayKind::ALL,
     FilterKind: FILTERS.map(|(kind, _)| kind),
     Layer: LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>(),
@@ -68,17 +72,18 @@ impl Wire for CompiledScene {
     fn put(&self, to: &mut Vec<u8>) {
         let CompiledScene { content_hash, triangles, attributes, tangents, spheres, materials, delays, .. } = self;
         let CompiledScene { instances, textures, emitters, points, directionals, environment, camera, .. } = self;
-        let CompiledScene { bounds, resolution, max_depth, colors, .. } = self;
+        let CompiledScene { bounds, resolution, max_depth, colors, second_uvs, .. } = self;
         content_hash.put(to);
         triangles.put(to);
         attributes.put(to);
         tangents.put(to);
         colors.put(to);
+        second_uvs.put(to);
         instances.put(to);
         spheres.put(to);
         materials.put(to);
         delays.put(to);
-        textures.put(to);
+        put_textures(textures, to);
         emitters.put(to);
         points.put(to);
         directionals.put(to);
@@ -96,11 +101,12 @@ impl Wire for CompiledScene {
             attributes: Wire::take(from)?,
             tangents: Wire::take(from)?,
             colors: Wire::take(from)?,
+            second_uvs: Wire::take(from)?,
             instances: Wire::take(from)?,
             spheres: Wire::take(from)?,
             materials: Wire::take(from)?,
             delays: Wire::take(from)?,
-            textures: Wire::take(from)?,
+            textures: take_textures(from)?,
             emitters: Wire::take(from)?,
             points: Wire::take(from)?,
             directionals: Wire::take(from)?,
@@ -113,6 +119,31 @@ impl Wire for CompiledScene {
     }
 }
 
+/// Textures; texels that several share go once, with the first of them.
+fn put_textures(textures: &[Texture], to: &mut Vec<u8>) {
+    textures.len().put(to);
+    for (i, texture) in textures.iter().enumerate() {
+        let shared = textures[..i].iter().position(|t| Arc::ptr_eq(&t.texels, &texture.texels));
+        shared.put(to);
+        match shared {
+            Some(_) => texture.lookup.put(to),
+            None => texture.put(to),
+        }
+    }
+}
+
+fn take_textures(from: &mut Reader<'_>) -> Result<Vec<Texture>, Garbled> {
+    let mut textures: Vec<Texture> = Vec::new();
+    for _ in 0..usize::take(from)? {
+        let texture = match <Option<usize> as Wire>::take(from)? {
+            Some(i) => Texture { lookup: Wire::take(from)?, ..textures.get(i).ok_or(Garbled)?.clone() },
+            None => Wire::take(from)?,
+        };
+        textures.push(texture);
+    }
+    Ok(textures)
+}
+
 impl Wire for SharedMesh {
     fn put(&self, to: &mut Vec<u8>) {
         let SharedMesh { triangles, shining } = self;
@@ -123,24 +154,6 @@ impl Wire for SharedMesh {
     fn take(from: &mut Reader<'_>) -> Result<SharedMesh, Garbled> {
         let [start, end] = Wire::take(from)?;
         Ok(SharedMesh { triangles: start..end, shining: Wire::take(from)? })
-    }
-}
-
-impl Wire for [DelayParam; 2] {
-    fn put(&self, to: &mut Vec<u8>) {
-        for DelayParam { value, offset, texture } in self {
-            [*value, *offset].put(to);
-            texture.put(to);
-        }
-    }
-
-    fn take(from: &mut Reader<'_>) -> Result<[DelayParam; 2], Garbled> {
-        let mut params = [DelayParam { value: 0.0, offset: 0.0, texture: 0 }; 2];
-        for param in &mut params {
-            let [value, offset] = Wire::take(from)?;
-            *param = DelayParam { value, offset, texture: Wire::take(from)? };
-        }
-        Ok(params)
     }
 }
 
@@ -157,26 +170,19 @@ impl Wire for Piecewise {
 
 impl Wire for Profile {
     fn put(&self, to: &mut Vec<u8>) {
-        let (kind, params, table) = match self {
-            Profile::Constant(delay) => (0u8, [*delay, 0.0], None),
-            Profile::Exponential(rate) => (1, [*rate, 0.0], None),
-            Profile::Epanechnikov { mean, width } => (2, [*mean, *width], None),
-            Profile::Table(table) => (3, [0.0; 2], Some(table.clone())),
-        };
+        let (kind, params, table) = self.to_parts();
         kind.put(to);
         params.put(to);
-        table.put(to);
+        table.cloned().put(to);
     }
 
     fn take(from: &mut Reader<'_>) -> Result<Profile, Garbled> {
-        let (kind, [a, b]) = (u8::take(from)?, Wire::take(from)?);
+        let (kind, params) = (Wire::take(from)?, Wire::take(from)?);
         let table: Option<Piecewise> = Wire::take(from)?;
-        match kind {
-            0 => Ok(Profile::Constant(a)),
-            1 => Ok(Profile::Exponential(a)),
-            2 => Ok(Profile::Epanechnikov { mean: a, width: b }),
-            _ => table.map(Profile::Table).ok_or(Garbled),
+        if (kind == DelayKind::Table) != table.is_some() {
+            return Err(Garbled);
         }
+        Ok(Profile::of_parts(kind, params, || table))
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::{DAffine3, Mat3, Vec2, Vec3, Vec4};
+use glam::{Affine2, DAffine3, Mat3, Vec2, Vec3, Vec4};
 
 /// Why bytes are not what they should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -110,7 +110,7 @@ macro_rules! matrices {
     })+ };
 }
 
-matrices!(Mat3: 9, DAffine3: 12);
+matrices!(Affine2: 6, Mat3: 9, DAffine3: 12);
 
 impl Wire for bool {
     fn put(&self, to: &mut Vec<u8>) {
@@ -177,14 +177,15 @@ impl<T: Wire> Wire for Vec<T> {
     }
 }
 
-impl<T: Wire + Copy + Default, const N: usize> Wire for [T; N] {
+impl<T: Wire + Copy, const N: usize> Wire for [T; N] {
     fn put(&self, to: &mut Vec<u8>) {
         self.iter().for_each(|value| value.put(to));
     }
 
     fn take(from: &mut Reader<'_>) -> Result<[T; N], Garbled> {
-        let mut values = [T::default(); N];
-        for value in &mut values {
+        const { assert!(N > 0) };
+        let mut values = [T::take(from)?; N];
+        for value in &mut values[1..] {
             *value = T::take(from)?;
         }
         Ok(values)
@@ -198,6 +199,17 @@ impl<T: Wire> Wire for Arc<T> {
 
     fn take(from: &mut Reader<'_>) -> Result<Arc<T>, Garbled> {
         T::take(from).map(Arc::new)
+    }
+}
+
+impl<T: Wire> Wire for Arc<[T]> {
+    fn put(&self, to: &mut Vec<u8>) {
+        self.len().put(to);
+        self.iter().for_each(|value| value.put(to));
+    }
+
+    fn take(from: &mut Reader<'_>) -> Result<Arc<[T]>, Garbled> {
+        Vec::take(from).map(Arc::from)
     }
 }
 

@@ -162,7 +162,7 @@ fn profile(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Result<O
     let mut params = [DelayParam { value: 0.0, offset: 0.0, texture: NONE }; 2];
     for (param, (_, get, slot)) in params.iter_mut().zip(m.delay.params()) {
         let [value, offset] = get(&m.delay);
-        let texture = m.texture(*slot).map_or(NONE, |t| bank.index(t, *slot, notes));
+        let texture = bank.index(m, *slot, notes);
         *param = DelayParam { value, offset, texture };
     }
     check_texels(m, &params, &bank.textures)?;
@@ -177,6 +177,19 @@ fn check_texels(m: &MaterialDesc, params: &[DelayParam; 2], textures: &[Texture]
     let used: Vec<&Texture> =
         params[..named.len()].iter().filter(|p| p.texture != NONE).map(|p| &textures[p.texture as usize]).collect();
     if used.is_empty() {
+        return Ok(());
+    }
+    if let [mean, width] = used[..]
+        && mean.lookup != width.lookup
+    {
+        // Any two texels may meet.
+        for value in extremes(&params[0], mean) {
+            for other in extremes(&params[1], width) {
+                number(m, named[0].0, value)?;
+                number(m, named[1].0, other)?;
+                mean_and_width(m, value, other)?;
+            }
+        }
         return Ok(());
     }
     let centres = |size: fn(&Texture) -> u32| {
@@ -203,6 +216,12 @@ fn check_texels(m: &MaterialDesc, params: &[DelayParam; 2], textures: &[Texture]
         }
     }
     Ok(())
+}
+
+/// The least and the greatest value of a parameter with a texture.
+fn extremes(p: &DelayParam, texture: &Texture) -> [f32; 2] {
+    let values = texture.texels.iter().map(|[red, ..]| p.offset + p.value * red);
+    values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
 impl DelayProfile {

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec2, Vec3};
 use super::instance::{Instances, cofactor};
 use super::share::{self, Part, Sharing};
 use super::{
-    CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, bounds, colors, lights, materials, tangents,
+    CompiledScene, Emitter, Material, NONE, Sphere, TriangleAttributes, bounds, corners, lights, materials, tangents,
 };
 use crate::math::distribution::Alias;
 use crate::scene::desc::{CameraDesc, EntityDesc, MAX_COORDINATE, MeshDesc, SceneDesc, ShapeDesc, content_hash};
@@ -58,6 +58,7 @@ pub fn compile_sharing(desc: &SceneDesc, sharing: Sharing) -> Result<(CompiledSc
         instances: Instances::default(),
         tangents: Vec::new(),
         colors: Vec::new(),
+        second_uvs: Vec::new(),
         spheres: Vec::new(),
         materials: rows,
         delays,
@@ -194,32 +195,31 @@ fn add_mesh(scene: &mut CompiledScene, part: &Part, names: &mut Names) -> Result
         return Err(fail(format!("its vertex {i} lies at {}, not within {MAX_COORDINATE:e} of the origin", world[i])));
     }
     let first = scene.triangles.len();
-    let (mut dropped, mut tints) = ([0usize; 2], Vec::new());
-    for (corners, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
+    let mut dropped = [0usize; 2];
+    for (indices, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
         // A mirrored triangle keeps its front when its corners run the other way round.
-        let corners = if mirrors { [corners[0], corners[2], corners[1]] } else { *corners };
+        let indices = if mirrors { [indices[0], indices[2], indices[1]] } else { *indices };
         let material = rows[*slot as usize];
         let shines = scene.materials[material as usize].emission != Vec3::ZERO;
-        let points = corners.map(|i| world[i as usize]);
+        let points = indices.map(|i| world[i as usize]);
         let Some((area, front)) = area_and_front(&points) else {
             dropped[usize::from(shines)] += 1;
             continue;
         };
-        let normals = corners.map(|i| match mesh.normals.get(i as usize) {
+        let normals = indices.map(|i| match mesh.normals.get(i as usize) {
             Some(n) => (to_world_normal * n.as_dvec3()).try_normalize().map_or(front, DVec3::as_vec3),
             None => front,
         });
         let emitter = if shines { push_emitter(scene, scene.triangles.len(), NONE, area) } else { NONE };
         scene.attributes.push(TriangleAttributes {
             normals: on_front_side(normals, front),
-            uvs: corners.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
+            uvs: indices.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
             material,
             emitter,
         });
         scene.triangles.push(points);
-        colors::gather(mesh, corners, &mut tints);
+        corners::push(scene, mesh, indices);
     }
-    colors::add(scene, first, &tints);
     let uses = scene.attributes[first..].iter().any(|a| scene.uses_tangents(a.material));
     tangents::add(scene, first, uses, !mesh.uvs.is_empty());
     note_dropped(dropped, part, &mut names.notes);
@@ -241,7 +241,12 @@ pub(super) fn note_dropped(dropped: [usize; 2], part: &Part, notes: &mut Vec<Not
 
 fn check_arrays(mesh: &MeshDesc) -> Result<(), String> {
     let n = mesh.positions.len();
-    let of = [("normals", mesh.normals.len()), ("texture coordinates", mesh.uvs.len()), ("colours", mesh.colors.len())];
+    let of = [
+        ("normals", mesh.normals.len()),
+        ("texture coordinates", mesh.uvs.len()),
+        ("second texture coordinates", mesh.second_uvs.len()),
+        ("colours", mesh.colors.len()),
+    ];
     for (what, len) in of {
         if len != 0 && len != n {
             return Err(format!("the mesh has {n} positions and {len} {what}"));
@@ -352,6 +357,7 @@ mod tests {
             normals,
             uvs: vec![],
             colors: vec![],
+            second_uvs: vec![],
             triangle_slot: vec![0; triangles.len()],
             triangles,
             slots: vec!["m".to_owned()],

@@ -13,6 +13,10 @@ use glam::{DAffine3, DMat3, Mat3, Vec3, Vec4};
 use super::flatten::on_front_side;
 use super::{CompiledScene, Emitter, NONE, TriangleAttributes};
 
+/// Triangles and spheres up to which scenes with copies are [unfolded](CompiledScene::flattened) for what knows none: some four
+/// gigabytes on a device.
+pub const MOST_UNFOLDED: usize = 1 << 24;
+
 /// All copies of shared meshes. Primitive ids and instances name a triangle together: the primitive is the triangle's row
 /// in [`CompiledScene::triangles`], the instance a row of [`Instances::places`], or [`NONE`] for what is not shared.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -174,6 +178,7 @@ impl CompiledScene {
         flat.attributes.truncate(world);
         flat.tangents.truncate(world);
         flat.colors.truncate(world);
+        flat.second_uvs.truncate(world);
         let mut names = BTreeMap::new();
         for (row, place) in self.instances.places.iter().enumerate() {
             let row = row as u32;
@@ -193,6 +198,7 @@ impl CompiledScene {
                     flat.tangents.push(self.tangents_at(primitive, row));
                 }
                 flat.colors.extend(self.colors.get(primitive as usize));
+                flat.second_uvs.extend(self.second_uvs.get(primitive as usize));
                 flat.triangles.push(corners);
             }
         }

@@ -225,7 +225,7 @@ fn check_color(key: &str, color: Vec3) -> Result<(), String> {
 /// Makes values black that no light can have; returns how many.
 fn repair(map: &mut Texture) -> usize {
     let mut repaired = 0;
-    for x in map.texels.as_flattened_mut().iter_mut().filter(|x| !(x.is_finite() && **x >= 0.0)) {
+    for x in Arc::make_mut(&mut map.texels).as_flattened_mut().iter_mut().filter(|x| !(x.is_finite() && **x >= 0.0)) {
         *x = 0.0;
         repaired += 1;
     }

@@ -55,10 +55,7 @@ fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
 fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
     let shines = m.emission != Vec3::ZERO;
     let reflects = !shines || m.emitter_reflects;
-    let mut texture = |slot: TextureSlot, used: bool| match m.texture(slot) {
-        Some(t) if used => bank.index(t, slot, notes),
-        _ => NONE,
-    };
+    let mut texture = |slot: TextureSlot, used: bool| if used { bank.index(m, slot, notes) } else { NONE };
     Material {
         base_color: m.base_color,
         emission: m.emission,
@@ -128,16 +125,24 @@ pub fn diffuse_reflectance(ior: f32) -> f32 {
     sum.clamp(0.0, 1.0) as f32
 }
 
-/// Decoded textures, one per content and way of decoding.
+/// Textures, one per picture and way of lying.
 #[derive(Default)]
 pub(super) struct Bank {
     pub(super) textures: Vec<Texture>,
-    /// By content, sRGB decoding, and whether values below 0 and above 1 are moved.
-    index: BTreeMap<([u8; 32], bool, [bool; 2]), u32>,
+    /// Their rows, by picture and lookup.
+    index: BTreeMap<(Decoding, [u32; 9]), u32>,
+    /// A row of each picture.
+    pictures: BTreeMap<Decoding, u32>,
 }
 
+/// A picture as a role decodes it: its content, whether from sRGB, and whether values below 0 and above 1 are moved.
+type Decoding = ([u8; 32], bool, [bool; 2]);
+
 impl Bank {
-    pub(super) fn index(&mut self, desc: &Arc<TextureDesc>, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
+    /// The row of a material's texture, or [`NONE`].
+    pub(super) fn index(&mut self, material: &MaterialDesc, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
+        let Some(desc) = material.texture(slot) else { return NONE };
+        let lookup = material.lookup(slot);
         // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
         let float = matches!(desc.texels, Texels::RgbaF32(_));
         let bounded = match slot {
@@ -150,27 +155,40 @@ impl Bank {
             TextureSlot::Emission => [float, false],
             _ => [float; 2],
         };
-        *self.index.entry((desc.content_hash, slot.is_srgb(), bounded)).or_insert_with(|| {
-            let mut texture = Texture::decode(desc, slot.is_srgb());
-            if clamp(&mut texture, bounded) {
-                let message = match bounded {
-                    [_, true] => "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped",
-                    _ => "it holds negative values, which no light can have: they count as black",
-                };
-                let message = message.to_owned();
-                notes.push(Note { file: desc.file.clone(), place: "image".to_owned(), message });
-            }
-            self.textures.push(texture);
-            self.textures.len() as u32 - 1
-        })
+        let picture = (desc.content_hash, slot.is_srgb(), bounded);
+        if let Some(row) = self.index.get(&(picture, lookup.key())) {
+            return *row;
+        }
+        let row = self.textures.len() as u32;
+        let texture = match self.pictures.get(&picture) {
+            Some(known) => self.textures[*known as usize].clone(),
+            None => decoded(desc, slot, bounded, notes),
+        };
+        self.textures.push(Texture { lookup, ..texture });
+        self.pictures.entry(picture).or_insert(row);
+        self.index.insert((picture, lookup.key()), row);
+        row
     }
+}
+
+fn decoded(desc: &TextureDesc, slot: TextureSlot, bounded: [bool; 2], notes: &mut Vec<Note>) -> Texture {
+    let mut texture = Texture::decode(desc, slot.is_srgb());
+    if clamp(&mut texture, bounded) {
+        let message = match bounded {
+            [_, true] => "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped",
+            _ => "it holds negative values, which no light can have: they count as black",
+        };
+        let message = message.to_owned();
+        notes.push(Note { file: desc.file.clone(), place: "image".to_owned(), message });
+    }
+    texture
 }
 
 /// Moves texels below 0 to 0 and above 1 to 1, where asked to; says whether any moved.
 fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
     let (low, high) = (if below { 0.0 } else { f32::NEG_INFINITY }, if above { 1.0 } else { f32::INFINITY });
     let mut moved = false;
-    for x in texture.texels.as_flattened_mut() {
+    for x in Arc::make_mut(&mut texture.texels).as_flattened_mut() {
         let inside = x.clamp(low, high);
         moved |= inside != *x;
         *x = inside;

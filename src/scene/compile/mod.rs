@@ -1,7 +1,7 @@
 //! From a description to the flat arrays that a backend renders.
 
 mod bounds;
-mod colors;
+mod corners;
 mod delays;
 mod flatten;
 mod instance;
@@ -15,13 +15,13 @@ use glam::{Vec2, Vec3, Vec4};
 
 pub use delays::{DelayParam, DelayProfile, Delays, Part};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
-pub use instance::{Instance, Instances, SharedMesh};
+pub use instance::{Instance, Instances, MOST_UNFOLDED, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
-pub use texture::{Texture, UvMap};
+pub use texture::{Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{DelayKind, Distribution, MaskMode, Model};
+pub use super::desc::{DelayKind, Distribution, Lookup, MaskMode, Model, Wrap};
 pub use materials::diffuse_reflectance;
 pub use share::{SHARED_FROM, Sharing};
 
@@ -44,6 +44,9 @@ pub struct CompiledScene {
     pub tangents: Vec<[Vec4; 3]>,
     /// Linear colours at the corners of every triangle that multiply base colours. Empty if no mesh has any.
     pub colors: Vec<[Vec3; 3]>,
+    /// The second set of texture coordinates at the corners of every triangle, of those without the first again. Empty if no
+    /// mesh has any.
+    pub second_uvs: Vec<[Vec2; 3]>,
     /// Copies of meshes that are kept once.
     pub instances: Instances,
     /// Analytic spheres.

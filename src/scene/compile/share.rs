@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 
 use super::flatten::{area_and_front, in_range, malformed, note_dropped, on_front_side, push_emitter};
 use super::instance::{Instance, SharedMesh, cofactor};
-use super::{CompiledScene, NONE, TriangleAttributes, colors, tangents};
+use super::{CompiledScene, NONE, TriangleAttributes, corners, tangents};
 use crate::math::distribution::Alias;
 use crate::scene::desc::MeshDesc;
 use crate::scene::{Note, SceneError};
@@ -224,11 +224,11 @@ fn add_shared(scene: &mut CompiledScene, part: &Part, kind: &Kind, notes: &mut V
     let mesh = part.mesh;
     let start = scene.triangles.len();
     let mut shining = Vec::new();
-    let (mut dropped, mut tints) = ([0usize; 2], Vec::new());
-    for (corners, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
-        let corners = if kind.mirrors { [corners[0], corners[2], corners[1]] } else { *corners };
+    let mut dropped = [0usize; 2];
+    for (indices, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
+        let indices = if kind.mirrors { [indices[0], indices[2], indices[1]] } else { *indices };
         let shines = kind.shines[*slot as usize];
-        let points = corners.map(|i| mesh.positions[i as usize]);
+        let points = indices.map(|i| mesh.positions[i as usize]);
         let Some((_, front)) = area_and_front(&points) else {
             dropped[usize::from(shines)] += 1;
             continue;
@@ -239,18 +239,17 @@ fn add_shared(scene: &mut CompiledScene, part: &Part, kind: &Kind, notes: &mut V
         if shines {
             shining.push(scene.triangles.len() as u32);
         }
-        let normals = corners.map(|i| mesh.normals.get(i as usize).map_or(front, |n| n.normalize_or(front)));
+        let normals = indices.map(|i| mesh.normals.get(i as usize).map_or(front, |n| n.normalize_or(front)));
         scene.attributes.push(TriangleAttributes {
             // Tangents are made of normals on the front side, which even scales do not change.
             normals: if kind.tangents { on_front_side(normals, front) } else { normals },
-            uvs: corners.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
+            uvs: indices.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
             material: *slot,
             emitter,
         });
         scene.triangles.push(points);
-        colors::gather(mesh, corners, &mut tints);
+        corners::push(scene, mesh, indices);
     }
-    colors::add(scene, start, &tints);
     tangents::add(scene, start, kind.tangents, !mesh.uvs.is_empty());
     note_dropped(dropped, part, notes);
     SharedMesh { triangles: start as u32..scene.triangles.len() as u32, shining }

@@ -71,6 +71,7 @@ mod tests {
             normals: vec![],
             uvs,
             colors: vec![],
+            second_uvs: vec![],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0, 0],

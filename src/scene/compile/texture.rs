@@ -1,8 +1,10 @@
 //! Textures as the integrators read them.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 
-use crate::scene::desc::{Texels, TextureDesc};
+use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
 
 /// From texture coordinates to places in a texture: a factor, then an offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,22 +26,45 @@ impl UvMap {
     }
 }
 
-/// A texture in linear colour.
+/// Texture coordinates of a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Uv {
+    /// Those of the first set.
+    pub first: Vec2,
+    /// Those of the second set, or the first ones again.
+    pub second: Vec2,
+}
+
+impl Uv {
+    /// Coordinates where there is one set.
+    pub fn same(uv: Vec2) -> Uv {
+        Uv { first: uv, second: uv }
+    }
+}
+
+/// A texture in linear colour, and how it lies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Linear texels, `[y][x][rgb]`, origin top-left.
-    pub texels: Vec<[f32; 3]>,
+    /// Linear texels, `[y][x][rgb]`, origin top-left; textures that lie differently may share them.
+    pub texels: Arc<[[f32; 3]]>,
+    /// How it lies on surfaces.
+    pub lookup: Lookup,
 }
 
 impl Texture {
+    /// A texture of these texels, that repeats.
+    pub fn new(width: u32, height: u32, texels: impl Into<Arc<[[f32; 3]]>>) -> Texture {
+        Texture { width, height, texels: texels.into(), lookup: Lookup::default() }
+    }
+
     /// Decodes a texture for a role: eight-bit texels through the sRGB curve if `srgb`, else as fractions of 255;
     /// floats are linear already. Alpha is dropped.
     pub fn decode(desc: &TextureDesc, srgb: bool) -> Texture {
-        let texels = match &desc.texels {
+        let texels: Arc<[[f32; 3]]> = match &desc.texels {
             Texels::Rgba8(texels) => {
                 let curve: Vec<f32> = (0..=255u8)
                     .map(|b| f32::from(b) / 255.0)
@@ -49,29 +74,51 @@ impl Texture {
             }
             Texels::RgbaF32(texels) => texels.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
         };
-        Texture { width: desc.width, height: desc.height, texels }
+        Texture::new(desc.width, desc.height, texels)
     }
 
-    /// The colour at texture coordinates, interpolated between the centres of four texels.
+    /// The place in the picture of texture coordinates on a surface with this tiling.
+    #[inline]
+    pub fn place(&self, uv: Uv, tiling: UvMap) -> Vec2 {
+        let own = tiling.apply(if self.lookup.second { uv.second } else { uv.first });
+        self.lookup.map.map_or(own, |map| map.transform_point2(own))
+    }
+
+    /// The colour at a place, interpolated between the centres of four texels.
     ///
-    /// The picture repeats; (0, 0) is its bottom left corner and v grows upwards. Coordinates that are not finite
-    /// count as 0.
-    pub fn bilinear(&self, uv: Vec2) -> Vec3 {
-        let (x0, x1, fx) = neighbours(uv.x, self.width);
-        // Row 0 is the top of the picture, v = 0 its bottom.
-        let (y0, y1, fy) = neighbours(-uv.y, self.height);
+    /// (0, 0) is the bottom left corner and v grows upwards; beyond its edges it wraps as its lookup says. Coordinates that
+    /// are not finite count as 0.
+    pub fn bilinear(&self, place: Vec2) -> Vec3 {
+        let [wrap_u, wrap_v] = self.lookup.wrap;
+        let (x0, x1, fx) = neighbours(place.x, self.width, wrap_u);
+        // Row 0 is the top of the picture, v = 0 its bottom; where it repeats these are one.
+        let top = if wrap_v == Wrap::Repeat { 0.0 } else { 1.0 };
+        let (y0, y1, fy) = neighbours(top - place.y, self.height, wrap_v);
         let at = |x: u32, y: u32| Vec3::from_array(self.texels[y as usize * self.width as usize + x as usize]);
         at(x0, y0).lerp(at(x1, y0), fx).lerp(at(x0, y1).lerp(at(x1, y1), fx), fy)
     }
 }
 
-/// The two texels around a coordinate that repeats with period 1, and the weight of the second.
-fn neighbours(coordinate: f32, size: u32) -> (u32, u32, f32) {
-    let wrapped = coordinate - coordinate.floor();
+/// The two texels around a coordinate in which the picture has length 1, and the weight of the second.
+#[inline]
+fn neighbours(coordinate: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
+    let wrapped = match wrap {
+        Wrap::Repeat => coordinate - coordinate.floor(),
+        // Forth and back again.
+        Wrap::Mirror => coordinate - 2.0 * (coordinate * 0.5).floor(),
+        Wrap::Clamp if coordinate.is_finite() => coordinate.clamp(0.0, 1.0),
+        Wrap::Clamp => 0.0,
+    };
     let x = if wrapped.is_finite() { wrapped } else { 0.0 } * size as f32 - 0.5;
     let low = x.floor();
-    let first = (low as i64).rem_euclid(i64::from(size)) as u32;
-    (first, (first + 1) % size, x - low)
+    let at = low as i64;
+    let (size, last) = (i64::from(size), i64::from(size) - 1);
+    let texel = |i: i64| match wrap {
+        Wrap::Repeat => i.rem_euclid(size),
+        Wrap::Mirror if i > last => (2 * size - 1 - i).max(0),
+        _ => i.clamp(0, last),
+    } as u32;
+    (texel(at), texel(at + 1), x - low)
 }
 
 /// The decoding curve of sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.
@@ -121,6 +168,38 @@ mod tests {
         near([0.75, 0.25], 1.0);
         near([0.5, 0.5], 0.4);
         near([0.5, 0.75], 0.1);
+    }
+
+    #[test]
+    fn beyond_its_edges_it_is_mirrored_or_clamped_as_asked() {
+        let plain = Texture::decode(&grey(&[0, 51, 102, 255, 30, 60], 3), false);
+        // A picture of five by five copies, each laid by hand, in whose middle the coordinates are those of one.
+        let by_hand = |wrap: [Wrap; 2]| {
+            let fold = |i: u32, size: u32, wrap: Wrap| match wrap {
+                Wrap::Repeat => i % size,
+                Wrap::Mirror if i / size % 2 == 1 => size - 1 - i % size,
+                Wrap::Mirror => i % size,
+                Wrap::Clamp => (i as i64 - 2 * i64::from(size)).clamp(0, i64::from(size) - 1) as u32,
+            };
+            let at = |i: u32| {
+                let (x, y) = (fold(i % 15, 3, wrap[0]), fold(i / 15, 2, wrap[1]));
+                plain.texels[(y * 3 + x) as usize]
+            };
+            Texture::new(15, 10, (0..150).map(at).collect::<Vec<_>>())
+        };
+        for wrap in Wrap::ALL.into_iter().flat_map(|u| Wrap::ALL.map(|v| [u, v])) {
+            let wrapped = Texture { lookup: Lookup { wrap, ..Lookup::default() }, ..plain.clone() };
+            let laid = by_hand(wrap);
+            for i in 0..441 {
+                let uv = Vec2::new((i % 21) as f32, (i / 21) as f32) * 0.17 - Vec2::splat(1.4);
+                let (found, expected) = (wrapped.bilinear(uv), laid.bilinear((uv + 2.0) / 5.0));
+                assert!((found - expected).abs().max_element() < 1e-5, "{wrap:?} {uv}: {found} instead of {expected}");
+            }
+            for x in [f32::NAN, f32::INFINITY, -1e30, 1e30, -f32::MIN_POSITIVE, 1.0, 2.0] {
+                let c = wrapped.bilinear(Vec2::new(x, -x));
+                assert!(c.is_finite() && c.max_element() <= 1.0, "{x}");
+            }
+        }
     }
 
     #[test]

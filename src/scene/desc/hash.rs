@@ -94,6 +94,12 @@ fn material(h: &mut Hasher, desc: &SceneDesc, m: &MaterialDesc) {
         int(h, i as u64);
         (row.get)(m).hash_into(h);
     }
+    // A lookup counts only where there is a texture.
+    for (slot, lookup) in m.lookups.iter().filter(|(slot, _)| m.texture(*slot).is_some()) {
+        h.update(b"lookup");
+        int(h, *slot as u64);
+        lookup.key().iter().for_each(|word| int(h, u64::from(*word)));
+    }
     // Names do not count, but whom they mean does; the weights, one for each, say how many there are.
     m.parts.iter().for_each(|name| int(h, desc.material_row(name).map_or(u64::MAX, |row| row as u64)));
 }
@@ -145,10 +151,17 @@ pub fn mesh_hash(mesh: &MeshDesc) -> [u8; 32] {
     }
     int(&mut h, mesh.triangle_slot.len() as u64);
     h.update(bytemuck::cast_slice(&little_endian(&mesh.triangle_slot)));
-    // Written only where there are any, so that meshes without colours keep the hashes that they had before.
+    // Written only where there are any, so that meshes without these keep the hashes that they had before.
     if !mesh.colors.is_empty() {
         h.update(b"colors");
         mesh.colors.iter().for_each(|c| vec3(&mut h, *c));
+    }
+    if !mesh.second_uvs.is_empty() {
+        h.update(b"second uvs");
+        for Vec2 { x, y } in &mesh.second_uvs {
+            float(&mut h, *x);
+            float(&mut h, *y);
+        }
     }
     *h.finalize().as_bytes()
 }
@@ -203,6 +216,7 @@ mod tests {
             normals: vec![],
             uvs: vec![],
             colors: vec![],
+            second_uvs: vec![],
             triangles: vec![[0, 1, 2]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0],
@@ -295,10 +309,12 @@ mod tests {
     #[test]
     fn a_mesh_hash_sees_every_array() {
         let base = mesh_hash(&mesh());
-        let changes: [fn(&mut MeshDesc); 6] = [
+        let changes: [fn(&mut MeshDesc); 8] = [
             |m| m.positions[0].x = 1.0,
             |m| m.normals = vec![Vec3::Z; 3],
             |m| m.uvs = vec![Vec2::ZERO; 3],
+            |m| m.second_uvs = vec![Vec2::ZERO; 3],
+            |m| m.colors = vec![Vec3::ONE; 3],
             |m| m.triangles[0] = [0, 2, 1],
             |m| m.slots[0] = "other".to_owned(),
             |m| m.triangle_slot.clear(),

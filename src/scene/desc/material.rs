@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::delay::{self, DelayDesc};
-use super::{Distribution, MaskMode, Model, TextureDesc, TextureSlot};
+use super::{Distribution, Lookup, MaskMode, Model, TextureDesc, TextureSlot};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
@@ -98,6 +98,8 @@ pub struct MaterialDesc {
     pub uv_offset: Vec2,
     /// Textures by slot, in order of slot, at most one each.
     pub textures: Vec<(TextureSlot, Arc<TextureDesc>)>,
+    /// How the textures of these slots lie, in order of slot; those of all others repeat, on the first set of coordinates.
+    pub lookups: Vec<(TextureSlot, Lookup)>,
     /// Whether a surface that emits also reflects; `.scn` says no, Lumbre's own scenes say yes.
     pub emitter_reflects: bool,
     /// When light is given back.
@@ -143,6 +145,7 @@ impl MaterialDesc {
             tiling: 1.0,
             uv_offset: Vec2::ZERO,
             textures: Vec::new(),
+            lookups: Vec::new(),
             emitter_reflects: true,
             delay: DelayDesc::default(),
             parts: Vec::new(),
@@ -160,6 +163,26 @@ impl MaterialDesc {
         self.textures.retain(|(s, _)| *s != slot);
         self.textures.extend(texture.map(|t| (slot, t)));
         self.textures.sort_by_key(|(s, _)| *s);
+    }
+
+    /// How the texture in a slot lies.
+    pub fn lookup(&self, slot: TextureSlot) -> Lookup {
+        self.lookups.iter().find(|(s, _)| *s == slot).map_or_else(Lookup::default, |(_, lookup)| *lookup)
+    }
+
+    /// Puts a texture into a slot that lies so.
+    pub fn lay_texture(&mut self, slot: TextureSlot, texture: Arc<TextureDesc>, lookup: Lookup) {
+        self.set_texture(slot, Some(texture));
+        self.set_lookup(slot, lookup);
+    }
+
+    /// Says how the texture in a slot lies, now and when it is replaced.
+    pub fn set_lookup(&mut self, slot: TextureSlot, lookup: Lookup) {
+        self.lookups.retain(|(s, _)| *s != slot);
+        if !lookup.is_plain() {
+            self.lookups.push((slot, lookup));
+            self.lookups.sort_by_key(|(s, _)| *s);
+        }
     }
 }
 

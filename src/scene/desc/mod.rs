@@ -4,6 +4,7 @@ mod camera;
 pub mod delay;
 mod hash;
 pub mod light;
+mod lookup;
 pub mod material;
 mod model;
 mod slot;
@@ -17,6 +18,7 @@ pub use camera::{CameraDesc, Optics};
 pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
+pub use lookup::{Lookup, NoInverse, Wrap};
 pub use material::{MATERIAL_PARAMS, MaterialDesc};
 pub use model::{Distribution, MaskMode, Model};
 pub use slot::TextureSlot;
@@ -161,6 +163,9 @@ pub struct MeshDesc {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or empty.
     pub uvs: Vec<Vec2>,
+    /// A second set of texture coordinates for textures whose [`Lookup`] asks for it, one per position, or empty: such
+    /// textures take the first set then.
+    pub second_uvs: Vec<Vec2>,
     /// Linear colours, one per position, each channel in 0..=1, that multiply base colours; or empty.
     pub colors: Vec<Vec3>,
     /// Corners of every triangle.
@@ -186,6 +191,19 @@ pub struct TextureDesc {
     pub texels: Texels,
     /// blake3 of size and texels.
     pub content_hash: [u8; 32],
+}
+
+impl TextureDesc {
+    /// A picture with these texels, one for each column of each row.
+    pub fn new(file: impl Into<PathBuf>, width: u32, height: u32, texels: Texels) -> TextureDesc {
+        let content_hash = texture_hash(width, height, &texels);
+        TextureDesc { file: file.into(), width, height, texels, content_hash }
+    }
+
+    /// A picture of one grey texel, linear.
+    pub fn grey(value: f32) -> TextureDesc {
+        TextureDesc::new("", 1, 1, Texels::RgbaF32(vec![[value, value, value, 1.0]]))
+    }
 }
 
 /// Texels, `[y][x][rgba]`, origin top-left, as stored in the file (decoded to linear by role when compiled).

@@ -293,7 +293,7 @@ impl Writer<'_> {
         let id = self.ids.give(stem);
         self.xml.open("shape", &[("type", "instance"), ("id", &id)]);
         self.xml.leaf("ref", &[("id", &group)]);
-        self.xml.place(map);
+        self.xml.place("to_world", map);
         self.xml.close();
         Ok(())
     }
@@ -332,7 +332,7 @@ impl Writer<'_> {
             if !mesh.uvs.is_empty() {
                 self.xml.value("boolean", "flip_tex_coords", true);
             }
-            self.xml.place(map);
+            self.xml.place("to_world", map);
             self.surface(*row)?;
             self.xml.close();
         }
@@ -354,7 +354,7 @@ impl Writer<'_> {
         if material.is_some_and(|m| !m.textures.is_empty() || m.anisotropic > 0.0) {
             // There the poles lie on z, and longitude starts at x; here on y, and at -z.
             let turn = DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y);
-            self.xml.place(&DAffine3::from_mat3_translation(turn, center.as_dvec3()));
+            self.xml.place("to_world", &DAffine3::from_mat3_translation(turn, center.as_dvec3()));
         } else {
             self.xml.triple("point", "center", center);
         }
@@ -369,9 +369,9 @@ impl Writer<'_> {
         let Some(material) = self.desc.materials.get(row).filter(|m| m.emission != Vec3::ZERO) else { return Ok(()) };
         self.xml.open("emitter", &[("type", "area")]);
         match material.texture(TextureSlot::Emission) {
-            Some(t) => {
-                let of = Use::Light(material.emission);
-                self.textures.write(&mut self.xml, "radiance", material, t, of, &mut self.folder)?;
+            Some(_) => {
+                let (slot, of) = (TextureSlot::Emission, Use::Light(material.emission));
+                self.textures.write(&mut self.xml, "radiance", material, slot, of, &mut self.folder)?;
             }
             None => self.xml.rgb("radiance", material.emission),
         }
@@ -394,7 +394,7 @@ impl Writer<'_> {
                     let axis = direction.normalize_or(Vec3::Z);
                     let matrix =
                         DMat3::from_quat(DQuat::from_rotation_arc(DVec3::Z, axis.as_dvec3().normalize_or(DVec3::Z)));
-                    xml.place(&DAffine3::from_mat3_translation(matrix, position.as_dvec3()));
+                    xml.place("to_world", &DAffine3::from_mat3_translation(matrix, position.as_dvec3()));
                     xml.rgb("intensity", intensity);
                     xml.value("float", "cutoff_angle", cone.cutoff_deg);
                     xml.value("float", "beam_width", cone.beam_deg);

@@ -65,22 +65,30 @@ impl Surface<'_> {
             self.xml.rgb("reflectance", Vec3::ZERO);
             self.xml.close();
         }
-        for (kind, texture) in wraps.into_iter().rev() {
-            match texture {
-                Some(t) if kind == "mask" => {
+        for (kind, _) in wraps.into_iter().rev() {
+            match kind {
+                "mask" => {
                     let of = self.opacity();
-                    self.textures.write(self.xml, "opacity", m, t, of, self.folder)?;
+                    self.textures.write(self.xml, "opacity", m, TextureSlot::Mask, of, self.folder)?;
                 }
-                Some(t) if kind == "bumpmap" => {
-                    self.textures.write(self.xml, "arbitrary", m, t, Use::Height, self.folder)?;
+                "bumpmap" => {
+                    self.textures.write(self.xml, "arbitrary", m, TextureSlot::Bump, Use::Height, self.folder)?;
                     self.xml.value("float", "scale", m.bump_height);
                 }
-                Some(t) => {
-                    self.textures.write(self.xml, "normalmap", m, t, Use::Normal(m.normal_strength), self.folder)?;
+                "normalmap" => {
+                    let of = Use::Normal(m.normal_strength);
+                    self.textures.write(self.xml, "normalmap", m, TextureSlot::Normal, of, self.folder)?;
                 }
-                None => {}
+                _ => {}
             }
             self.xml.close();
+        }
+        let laid: Vec<_> = m.lookups.iter().filter(|(slot, _)| m.texture(*slot).is_some()).map(|(_, l)| *l).collect();
+        if laid.iter().any(|l| l.second) {
+            self.note("there is one set of texture coordinates there: what lies on the second lies on the first");
+        }
+        if laid.iter().any(|l| l.wrap[0] != l.wrap[1]) {
+            self.note("textures go on beyond their edges along v as along u there");
         }
         if m.shadow_terminator {
             self.note("`shadow_terminator` has no counterpart: shadows end at the triangles");
@@ -178,8 +186,9 @@ impl Surface<'_> {
 
     /// A colour, or the base colour's texture times it.
     fn color(&mut self, name: &str, factor: Vec3, of: fn(Vec3) -> Use) -> Result<(), SceneError> {
-        match self.material.texture(TextureSlot::BaseColor) {
-            Some(t) => self.textures.write(self.xml, name, self.material, t, of(factor), self.folder),
+        let slot = TextureSlot::BaseColor;
+        match self.material.texture(slot) {
+            Some(_) => self.textures.write(self.xml, name, self.material, slot, of(factor), self.folder),
             None => {
                 let plain = if of(factor) == Use::Root(factor) { factor.map(f32::sqrt) } else { factor };
                 self.xml.rgb(name, plain);
@@ -191,7 +200,7 @@ impl Surface<'_> {
     /// A number or its texture.
     fn number(&mut self, name: &str, value: f32, slot: TextureSlot, of: Use) -> Result<(), SceneError> {
         match self.material.texture(slot) {
-            Some(t) => self.textures.write(self.xml, name, self.material, t, of, self.folder),
+            Some(_) => self.textures.write(self.xml, name, self.material, slot, of, self.folder),
             None => {
                 self.xml.value("float", name, value);
                 Ok(())

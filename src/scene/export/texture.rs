@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use exr::prelude::{Encoding, Image as ExrImage, Layer, LayerAttributes, SpecificChannels, WritableImage};
-use glam::Vec3;
+use glam::{Affine2, DAffine3, Vec2, Vec3};
 use image::ExtendedColorType;
 
 use super::Folder;
 use crate::scene::SceneError;
 use crate::scene::compile::srgb_to_linear;
-use crate::scene::desc::{MaterialDesc, Texels, TextureDesc};
+use crate::scene::desc::{Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, Wrap};
 use crate::scene::export::xml::Xml;
 
 /// What a surface wants of a texture.
@@ -96,24 +96,36 @@ pub(super) struct Textures {
 }
 
 impl Textures {
-    /// Writes a texture, once for each use, and names it in the document as `name`, placed as the material says.
+    /// Writes the texture in a slot of a material, once for each use, and names it in the document as `name`, laid as the
+    /// material says. Without a texture nothing is written.
     pub fn write(
         &mut self,
         xml: &mut Xml,
         name: &str,
         material: &MaterialDesc,
-        image: &TextureDesc,
+        slot: TextureSlot,
         of: Use,
         folder: &mut Folder,
     ) -> Result<(), SceneError> {
+        let Some(image) = material.texture(slot) else { return Ok(()) };
         let file = self.file(image, of, folder)?;
         xml.open("texture", &[("type", "bitmap"), ("name", name)]);
         xml.value("string", "filename", &file);
         if !of.is_color() {
             xml.value("boolean", "raw", true);
         }
+        let Lookup { wrap: [wrap, _], map, .. } = material.lookup(slot);
+        if wrap != Wrap::Repeat {
+            xml.value("string", "wrap_mode", wrap.word());
+        }
         let (scale, offset) = (material.tiling, material.uv_offset);
-        if (scale, offset.to_array()) != (1.0, [0.0; 2]) {
+        if let Some(map) = map {
+            let whole = map * Affine2::from_scale_angle_translation(Vec2::splat(scale), 0.0, offset);
+            let ([a, b, c, d], t) = (whole.matrix2.to_cols_array(), whole.translation);
+            // Coordinates there start at the top left.
+            let columns = [a, -b, 0.0, -c, d, 0.0, 0.0, 0.0, 1.0, c + t.x, 1.0 - d - t.y, 0.0];
+            xml.place("to_uv", &DAffine3::from_cols_array(&columns.map(f64::from)));
+        } else if (scale, offset.to_array()) != (1.0, [0.0; 2]) {
             // Coordinates there start at the top left: 1 - (s (1 - v) + y) = s v + (1 - s - y).
             let [s, x, y] = [scale, offset.x, 1.0 - scale - offset.y].map(|x| x.to_string());
             xml.open("transform", &[("name", "to_uv")]);

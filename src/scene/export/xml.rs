@@ -55,14 +55,14 @@ impl Xml {
     }
 
     /// A place; none where it changes nothing.
-    pub fn place(&mut self, map: &DAffine3) {
+    pub fn place(&mut self, name: &str, map: &DAffine3) {
         if *map == DAffine3::IDENTITY {
             return;
         }
         let (m, t) = (map.matrix3, map.translation);
         let row = |i: usize| format!("{} {} {} {}", m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]);
         let rows = format!("{} {} {} 0 0 0 1", row(0), row(1), row(2));
-        self.open("transform", &[("name", "to_world")]);
+        self.open("transform", &[("name", name)]);
         self.leaf("matrix", &[("value", &rows)]);
         self.close();
     }

@@ -9,7 +9,7 @@ use glam::Vec3;
 use image::{DynamicImage, ImageReader, Limits};
 
 use super::{openexr, place, read, unreadable};
-use crate::scene::desc::{Texels, TextureDesc, texture_hash};
+use crate::scene::desc::{Texels, TextureDesc};
 use crate::scene::{Note, SceneError};
 
 /// Greatest width or height of a texture in pixels.
@@ -105,7 +105,7 @@ impl Pictures {
             Texels::Rgba8(t) => t.iter().map(|p| f(p.map(|c| f32::from(c) / 255.0))).collect(),
             Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
         };
-        let texture = Arc::new(texture(&from.file, from.width, from.height, Texels::RgbaF32(texels)));
+        let texture = Arc::new(TextureDesc::new(&from.file, from.width, from.height, Texels::RgbaF32(texels)));
         self.made.insert(key, texture.clone());
         Ok(texture)
     }
@@ -166,7 +166,7 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
             return Err(malformed(format!("it has {}x{} pixels", image.width, image.height)));
         }
         let texels = image.data.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-        return Ok(texture(path, image.width, image.height, finite(texels).map_err(malformed)?));
+        return Ok(TextureDesc::new(path, image.width, image.height, finite(texels).map_err(malformed)?));
     }
     let room = room(bytes.len());
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(path, e))?;
@@ -202,7 +202,7 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
             rgba8(image)
         }
     };
-    Ok(texture(path, width, height, texels))
+    Ok(TextureDesc::new(path, width, height, texels))
 }
 
 /// Whether a picture holds normals rather than heights: in more than half of it the channels moved to -1..=1 are nearly a
@@ -217,11 +217,6 @@ pub(super) fn shows_normals(image: &TextureDesc) -> bool {
     };
     let count = seen.clone().count();
     seen.filter(normal).count() * 2 > count
-}
-
-fn texture(path: &Path, width: u32, height: u32, texels: Texels) -> TextureDesc {
-    let content_hash = texture_hash(width, height, &texels);
-    TextureDesc { file: path.to_owned(), width, height, texels, content_hash }
 }
 
 fn finite(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
@@ -240,7 +235,7 @@ mod tests {
     use super::*;
 
     fn of(texels: Vec<[u8; 4]>) -> Arc<TextureDesc> {
-        Arc::new(texture(Path::new("t"), texels.len() as u32, 1, Texels::Rgba8(texels)))
+        Arc::new(TextureDesc::new("t", texels.len() as u32, 1, Texels::Rgba8(texels)))
     }
 
     #[test]

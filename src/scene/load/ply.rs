@@ -66,6 +66,7 @@ pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Resul
         normals: Vec::new(),
         uvs: Vec::new(),
         colors: Vec::new(),
+        second_uvs: Vec::new(),
         triangles: Vec::new(),
         slots: vec![slot.to_owned()],
         triangle_slot: Vec::new(),

@@ -33,7 +33,7 @@ impl ShapeError {
     }
 }
 
-/// Triangles with what their corners share. Normals, texture coordinates and colours are one for each position, or none at
+/// Triangles with what their corners share. Normals, texture coordinates of both sets and colours are one for each position, or none at
 /// all.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
@@ -43,6 +43,8 @@ pub struct Shape {
     pub normals: Vec<Vec3>,
     /// Texture coordinates.
     pub uvs: Vec<Vec2>,
+    /// Texture coordinates of the second set.
+    pub second_uvs: Vec<Vec2>,
     /// Linear colours that multiply base colours.
     pub colors: Vec<Vec3>,
     /// Corners, counter-clockwise seen from the front.
@@ -62,7 +64,12 @@ impl Shape {
         }
         room(count)?;
         room(self.triangles.len())?;
-        let lists = [("normals", self.normals.len()), ("uvs", self.uvs.len()), ("colors", self.colors.len())];
+        let lists = [
+            ("normals", self.normals.len()),
+            ("uvs", self.uvs.len()),
+            ("second_uvs", self.second_uvs.len()),
+            ("colors", self.colors.len()),
+        ];
         for (what, found) in lists {
             if found != 0 && found != count {
                 return fail(format!("it has {count} positions and {found} {what}"));
@@ -81,10 +88,12 @@ impl Shape {
         if let Some(i) = self.colors.iter().position(|c| !part(c)) {
             return fail(format!("colour {} lies outside 0 to 1", i + 1));
         }
-        match self.uvs.iter().position(|uv| !uv.is_finite()) {
-            Some(i) => fail(format!("texture coordinate {} is not finite", i + 1)),
-            None => Ok(self),
+        for uvs in [&self.uvs, &self.second_uvs] {
+            if let Some(i) = uvs.iter().position(|uv| !uv.is_finite()) {
+                return fail(format!("texture coordinate {} is not finite", i + 1));
+            }
         }
+        Ok(self)
     }
 
     /// The shape moved by an affine map; a map that mirrors turns its triangles round, so that the front stays.
@@ -109,49 +118,60 @@ impl Shape {
     ///
     /// # Errors
     /// More vertices than allowed.
-    pub fn append(&mut self, mut other: Shape) -> Result<(), ShapeError> {
+    pub fn append(&mut self, other: Shape) -> Result<(), ShapeError> {
         room(self.positions.len() + other.positions.len())?;
+        self.merge(other);
+        Ok(())
+    }
+
+    /// Adds another shape, however many vertices they have: for files, which are bounded by their size.
+    pub(in crate::scene) fn merge(&mut self, mut other: Shape) {
         if self.positions.is_empty() {
             *self = other;
-            return Ok(());
+            return;
         }
         match (self.normals.is_empty(), other.normals.is_empty()) {
             (true, false) => self.facet(),
             (false, true) => other.facet(),
             _ => {}
         }
-        let pad = |uvs: &mut Vec<Vec2>, count: usize| uvs.resize(count, Vec2::ZERO);
         if self.uvs.is_empty() != other.uvs.is_empty() {
-            pad(&mut self.uvs, self.positions.len());
-            pad(&mut other.uvs, other.positions.len());
+            [&mut *self, &mut other].into_iter().for_each(|shape| shape.uvs.resize(shape.positions.len(), Vec2::ZERO));
+        }
+        if self.second_uvs.is_empty() != other.second_uvs.is_empty() {
+            // Who lacks a second set has the first one again.
+            for lacking in [&mut *self, &mut other].into_iter().filter(|shape| shape.second_uvs.is_empty()) {
+                lacking.second_uvs = lacking.uvs.clone();
+                lacking.second_uvs.resize(lacking.positions.len(), Vec2::ZERO);
+            }
         }
         if self.colors.is_empty() != other.colors.is_empty() {
-            self.colors.resize(self.positions.len(), Vec3::ONE);
-            other.colors.resize(other.positions.len(), Vec3::ONE);
+            [&mut *self, &mut other]
+                .into_iter()
+                .for_each(|shape| shape.colors.resize(shape.positions.len(), Vec3::ONE));
         }
         let first = self.positions.len() as u32;
         self.positions.append(&mut other.positions);
         self.normals.append(&mut other.normals);
         self.uvs.append(&mut other.uvs);
+        self.second_uvs.append(&mut other.second_uvs);
         self.colors.append(&mut other.colors);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|c| c + first)));
-        Ok(())
     }
 
     /// Gives every triangle corners of its own with the normal of its face.
-    fn facet(&mut self) {
+    pub fn facet(&mut self) {
         let corners: Vec<usize> = self.triangles.iter().flatten().map(|c| *c as usize).collect();
-        let positions: Vec<Vec3> = corners.iter().map(|c| self.positions[*c]).collect();
-        self.uvs = if self.uvs.is_empty() { Vec::new() } else { corners.iter().map(|c| self.uvs[*c]).collect() };
-        if !self.colors.is_empty() {
-            self.colors = corners.iter().map(|c| self.colors[*c]).collect();
-        }
-        self.normals = positions
+        self.positions = at_corners(&self.positions, &corners);
+        self.uvs = at_corners(&self.uvs, &corners);
+        self.second_uvs = at_corners(&self.second_uvs, &corners);
+        self.colors = at_corners(&self.colors, &corners);
+        self.normals = self
+            .positions
             .chunks_exact(3)
             .flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3])
             .collect();
         self.triangles = (0..self.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        self.positions = positions;
     }
 
     /// The mesh of this shape, all of the one material `slot`.
@@ -162,6 +182,7 @@ impl Shape {
             positions: self.positions,
             normals: self.normals,
             uvs: self.uvs,
+            second_uvs: self.second_uvs,
             colors: self.colors,
             triangles: self.triangles,
             slots: vec![slot.to_owned()],
@@ -183,6 +204,11 @@ impl Shape {
             }
         }
     }
+}
+
+/// Values of corners, where there are any.
+fn at_corners<T: Copy>(values: &[T], corners: &[usize]) -> Vec<T> {
+    if values.is_empty() { Vec::new() } else { corners.iter().map(|c| values[*c]).collect() }
 }
 
 /// Refuses more vertices than allowed.

@@ -89,7 +89,7 @@ fn set(
         return Err(args.blame(shared, unknown_name(&at, key, "material parameter", known)));
     };
     match texture::of(shared, args, value)? {
-        Some(texture) => material.set_texture(slot, Some(texture)),
+        Some(texture::TextureObject { texture, lookup }) => material.lay_texture(slot, texture, lookup),
         None => {
             let problem = format!("expected a texture or the name of an image, found {}", kind(value));
             let help = Some("texture.file(\"wood.png\"), texture.paint { .. }".to_owned());

@@ -22,7 +22,7 @@ pub use material::MATERIAL_OPTIONS;
 pub use object::{METHODS, TABLES as OBJECT_TABLES};
 pub use part::{PART, PLACE};
 pub use shapes::TABLES as SHAPE_TABLES;
-pub use texture::PAINT;
+pub use texture::{LAY, PAINT};
 
 use super::api::{self, ApiFn};
 use super::error::{Problem, ScriptError};

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
 
 use glam::{Affine3A, Vec3};
 use mlua::{Lua, Value as LuaValue};
@@ -437,7 +436,7 @@ fn environment(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Sc
     let source = match (fields.values.get("color"), fields.objects.get("map")) {
         (Some(color), None) => EnvironmentSource::Color(Vec3::from(numbers::<3>(color))),
         (None, Some(map)) => match texture::of(shared, args, map)? {
-            Some(texture) => EnvironmentSource::Map(texture),
+            Some(map) => EnvironmentSource::Map(map.texture),
             None => {
                 let (path, key) = ("environment.map".to_owned(), "map".to_owned());
                 let problem = format!("expected a texture or the name of an image, found {}", kind(map));
@@ -471,9 +470,7 @@ fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     };
     let Purpose::Scene { missing, .. } = shared.purpose else { return Ok(LuaValue::Nil) };
     let path = shared.folder.join(&name);
-    let began = Instant::now();
-    let read = load::load_with(&path, missing);
-    shared.watch.excuse(began.elapsed());
+    let read = shared.watch.excused(|| load::load_with(&path, missing));
     let (other, mut notes) = read.map_err(|e| scene_error(shared, args, &e))?;
     let text = |key: &str| fields.values.get(key).and_then(Value::as_str);
     let prefix = text("prefix").unwrap_or_default();

@@ -165,6 +165,7 @@ const MESH: Table = Table {
         ),
         Field::optional("normals", Ty::List(&NUMBERS_3), "flat", "a direction for each vertex; made unit vectors"),
         Field::optional("uvs", Ty::List(&NUMBERS_2), "none", "texture coordinates of each vertex"),
+        Field::optional("second_uvs", Ty::List(&NUMBERS_2), "none", "a second set of them: see `texture.lay`"),
         Field::optional(
             "colors",
             Ty::List(&NUMBERS_3),
@@ -334,6 +335,7 @@ fn make_mesh(shared: &Shared, args: &Args, f: &Fields) -> Made {
         positions: points(f, "positions").into_iter().map(Vec3::from_array).collect(),
         normals,
         uvs: points(f, "uvs").into_iter().map(Vec2::from_array).collect(),
+        second_uvs: points(f, "second_uvs").into_iter().map(Vec2::from_array).collect(),
         colors: points(f, "colors").into_iter().map(Vec3::from_array).collect(),
         triangles: points::<3>(f, "triangles").into_iter().map(|t| t.map(|c| c as u32 - 1)).collect(),
     };
@@ -352,6 +354,7 @@ fn join(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
                 positions: mesh.positions.clone(),
                 normals: mesh.normals.clone(),
                 uvs: mesh.uvs.clone(),
+                second_uvs: mesh.second_uvs.clone(),
                 colors: mesh.colors.clone(),
                 triangles: mesh.triangles.clone(),
             };

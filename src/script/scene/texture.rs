@@ -1,14 +1,13 @@
 //! Textures of scenes: files, and pictures that a function paints.
 
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
 
+use glam::{Affine2, Vec2};
 use mlua::{Lua, UserData, Value as LuaValue, Variadic};
 
 use super::{object, scene_error};
-use crate::scene::desc::{Texels, TextureDesc, texture_hash};
+use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
 use crate::scene::load;
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
@@ -48,6 +47,34 @@ pub const PAINT: Table = Table {
     ],
 };
 
+/// The options of `texture.lay`.
+pub const LAY: Table = Table {
+    name: "Lay",
+    doc: "How a texture lies on a surface, where not as the others of its material.",
+    fields: &[
+        Field::optional(
+            "wrap",
+            Ty::OneOrMany(&Ty::Word(Wrap::WORDS)),
+            "repeat",
+            "beyond its edges; one word, or those of u and v",
+        ),
+        Field::optional(
+            "scale",
+            Ty::Nums { len: 2, min: -1e6, max: 1e6 },
+            "{ 1, 1 }",
+            "how often it lies along u and v",
+        ),
+        Field::optional(
+            "rotation",
+            Ty::Num { min: -1e6, max: 1e6 },
+            "0",
+            "degrees by which it is turned, after the scale",
+        ),
+        Field::optional("offset", Ty::Nums { len: 2, min: -1e6, max: 1e6 }, "{ 0, 0 }", "what is added at last"),
+        Field::optional("second", Ty::Bool, "false", "whether it takes the mesh's `second_uvs`"),
+    ],
+};
+
 /// The constructors of textures.
 pub const GLOBALS: &[ApiFn] = &[
     ApiFn {
@@ -64,19 +91,41 @@ pub const GLOBALS: &[ApiFn] = &[
         doc: "A texture that a function paints.",
         call: paint,
     },
+    ApiFn {
+        name: "texture.lay",
+        params: &[
+            Param { name: "texture", ty: "Texture|string", doc: "The texture, or the name of an image." },
+            Param { name: "options", ty: "Lay", doc: "How it lies." },
+        ],
+        returns: "Texture",
+        doc: "The same texture that lies otherwise: in place of what an earlier `texture.lay` said.",
+        call: lay,
+    },
 ];
 
-/// A texture in Lua.
+/// A texture in Lua, and how it lies.
 #[derive(Clone, Debug)]
-pub struct TextureObject(pub Arc<TextureDesc>);
+pub struct TextureObject {
+    /// The picture.
+    pub texture: Arc<TextureDesc>,
+    /// How it lies.
+    pub lookup: Lookup,
+}
+
+impl TextureObject {
+    /// A picture that lies as its material says.
+    pub fn plain(texture: impl Into<Arc<TextureDesc>>) -> TextureObject {
+        TextureObject { texture: texture.into(), lookup: Lookup::default() }
+    }
+}
 
 impl UserData for TextureObject {}
 
 /// The texture that a value is, or that it names.
-pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<Arc<TextureDesc>>, ScriptError> {
+pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<TextureObject>, ScriptError> {
     match value {
-        LuaValue::UserData(data) => Ok(data.borrow::<TextureObject>().ok().map(|t| Arc::clone(&t.0))),
-        LuaValue::String(name) => read(shared, args, &name.to_string_lossy()).map(Some),
+        LuaValue::UserData(data) => Ok(data.borrow::<TextureObject>().ok().map(|t| t.clone())),
+        LuaValue::String(name) => Ok(Some(TextureObject::plain(read(shared, args, &name.to_string_lossy())?))),
         _ => Ok(None),
     }
 }
@@ -84,9 +133,7 @@ pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<Arc<T
 fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
     let path = shared.folder.join(name);
     let mut notes = Vec::new();
-    let began = Instant::now();
-    let read = load::texture(&path, &mut notes);
-    shared.watch.excuse(began.elapsed());
+    let read = shared.watch.excused(|| load::texture(&path, &mut notes));
     let texture = read.map_err(|e| scene_error(shared, args, &e))?;
     shared.scene.borrow_mut().notes.append(&mut notes);
     Ok(Arc::new(texture))
@@ -95,7 +142,37 @@ fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, Sc
 fn file(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let name = args.text(shared, 0, "path")?;
-    object(shared, lua, TextureObject(read(shared, args, &name)?))
+    object(shared, lua, TextureObject::plain(read(shared, args, &name)?))
+}
+
+fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let Some(of) = of(shared, args, &args.get(0))? else {
+        return Err(args.wrong(shared, 0, "texture", "a texture or the name of an image"));
+    };
+    let table = args.table(shared, 1, "options")?;
+    let fields = strict::fields(&table, &LAY, "texture.lay", false).map_err(|e| args.blame(shared, e))?;
+    let value = |key: &str| fields.values.get(key);
+    let wrap = |v: &Value| Wrap::ALL.into_iter().find(|wrap| v.as_str() == Some(wrap.word())).unwrap_or_default();
+    let wrap = match value("wrap") {
+        None => [Wrap::Repeat; 2],
+        Some(Value::List(words)) => match words.as_slice() {
+            [u, v] => [wrap(u), wrap(v)],
+            other => {
+                let problem = format!("wrap: expected one word, or those of u and v, found {}", other.len());
+                return Err(args.error(shared, problem, None));
+            }
+        },
+        Some(word) => [wrap(word); 2],
+    };
+    let pair =
+        |key: &str, default: f32| value(key).map_or(Vec2::splat(default), |v| Vec2::from(super::numbers::<2>(v)));
+    let angle = value("rotation").and_then(Value::as_f64).unwrap_or(0.0).to_radians() as f32;
+    let map = Affine2::from_scale_angle_translation(Vec2::ONE, angle, pair("offset", 0.0))
+        * Affine2::from_scale(pair("scale", 1.0));
+    let second = value("second") == Some(&Value::Bool(true));
+    let lookup = Lookup { wrap, second, map: (map != Affine2::IDENTITY).then_some(map) };
+    object(shared, lua, TextureObject { lookup, ..of })
 }
 
 fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
@@ -133,10 +210,5 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         Texels::Rgba8(texels.into_iter().map(|t| t.map(byte)).collect())
     };
-    let content_hash = texture_hash(width, height, &texels);
-    object(
-        shared,
-        lua,
-        TextureObject(Arc::new(TextureDesc { file: PathBuf::new(), width, height, texels, content_hash })),
-    )
+    object(shared, lua, TextureObject::plain(TextureDesc::new("", width, height, texels)))
 }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant, SystemTime};
 use serde_json::Value as Json;
 
 use super::archive::{self, Decode, read_json};
-use super::crew::{Doing, crew};
+use super::crew::crew;
 use super::journals::{self, Journals};
 use super::seen::{Seen, Sight};
 use super::{StoreError, layout, list, outline, seconds_of};
@@ -50,9 +50,8 @@ pub struct Follower {
     done: BTreeSet<String>,
     /// Whether a night has begun and not ended.
     goes_on: bool,
-    /// When workers were looked at, and those that were found to be lost.
+    /// When workers were looked at.
     called: Option<Instant>,
-    lost: BTreeSet<String>,
     /// When the first look came, everything that is there has to be told.
     fresh: bool,
     /// The runs at hand, oldest first: several where they take turns, and the last one that ended.
@@ -118,7 +117,6 @@ impl Follower {
             done: BTreeSet::new(),
             goes_on: false,
             called: None,
-            lost: BTreeSet::new(),
             fresh: true,
             runs: Vec::new(),
             recent: None,
@@ -175,26 +173,21 @@ impl Follower {
         self.called = Some(Instant::now());
         let workers = crew(&self.folder);
         let at_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64());
-        for worker in workers.iter().filter(|worker| worker.is_lost()) {
-            let Doing::Rendering { run, path } = &worker.doing else { continue };
-            if self.underway.remove(&part_key(run, path)).is_some() {
-                self.rest(run);
-                continue;
+        let lost: BTreeSet<&str> = workers.iter().filter(|w| w.is_lost()).map(|w| w.name.as_str()).collect();
+        let mut left = Vec::new();
+        self.underway.retain(|key, line| {
+            let gone = lost.contains(journals::worker(line));
+            if gone {
+                left.push((key.clone(), line["run"].as_str().unwrap_or_default().to_owned()));
             }
-            if !self.lost.insert(worker.name.clone()) {
-                continue;
-            }
-            let left = self.underway.iter().filter(|(_, line)| journals::worker(line) == worker.name);
-            let runs: Vec<String> = left.map(|(run, _)| run.clone()).collect();
-            runs.iter().for_each(|run| drop(self.underway.remove(run)));
-            for cell in runs.iter().flat_map(|run| self.ids.get(run).cloned().unwrap_or_default()) {
-                if let Some(run) = self.runs.iter_mut().find(|run| run.cell == cell) {
-                    run.running = false;
-                }
-                if !self.is_done(cell) {
-                    let ended = Seen::Ended { cell, outcome: Outcome::Interrupted, last: None };
-                    sights.push(Sight { at_s, seen: ended });
-                }
+            !gone
+        });
+        for (key, run) in left {
+            self.rest(&run);
+            // A part is known by another key than a run: what it is of has not ended.
+            for cell in self.ids.get(&key).into_iter().flatten().filter(|cell| !self.is_done(**cell)) {
+                let ended = Seen::Ended { cell: *cell, outcome: Outcome::Interrupted, last: None };
+                sights.push(Sight { at_s, seen: ended });
             }
         }
         sights.push(Sight { at_s, seen: Seen::Crew(workers) });

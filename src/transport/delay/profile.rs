@@ -1,9 +1,7 @@
 //! Profiles in time, and those of a point of a surface.
 
-use glam::Vec2;
-
 use crate::math::piecewise::Piecewise;
-use crate::scene::compile::{DelayKind, DelayParam, DelayProfile, Texture};
+use crate::scene::compile::{DelayKind, DelayParam, DelayProfile, Texture, Uv};
 use crate::transport::sampler::Independent;
 use crate::transport::surface::lookup_scalar;
 
@@ -28,6 +26,28 @@ pub enum Profile {
 impl Profile {
     /// No delay at all.
     pub const NONE: Profile = Profile::Constant(0.0);
+
+    /// Its kind, and the one or two parameters and the table that the kind has; what it does not have is zero and `None`.
+    pub fn to_parts(&self) -> (DelayKind, [f32; 2], Option<&Piecewise>) {
+        match self {
+            Profile::Constant(delay) => (DelayKind::Constant, [*delay, 0.0], None),
+            Profile::Exponential(rate) => (DelayKind::Exponential, [*rate, 0.0], None),
+            Profile::Epanechnikov { mean, width } => (DelayKind::Epanechnikov, [*mean, *width], None),
+            Profile::Table(table) => (DelayKind::Table, [0.0; 2], Some(table)),
+        }
+    }
+
+    /// From those; a table that is not there delays nothing.
+    #[inline]
+    pub fn of_parts(kind: DelayKind, [first, second]: [f32; 2], table: impl FnOnce() -> Option<Piecewise>) -> Profile {
+        match kind {
+            DelayKind::None => Profile::NONE,
+            DelayKind::Constant => Profile::Constant(first),
+            DelayKind::Exponential => Profile::Exponential(first),
+            DelayKind::Epanechnikov => Profile::Epanechnikov { mean: first, width: second },
+            DelayKind::Table => table().map_or(Profile::NONE, Profile::Table),
+        }
+    }
 
     /// The delay at which the distribution function reaches `u`, from `[0, 1)`. The numbers of samplers have 24 binary
     /// digits, so that the longest exponential delay is `16.6 / rate`; what lies beyond has a probability of 6e-8.
@@ -85,16 +105,10 @@ impl Profile {
 
 /// The profile of a material where its textures are at these coordinates.
 #[inline]
-pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Vec2) -> Profile {
+pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Uv) -> Profile {
     let value = |p: &DelayParam| p.offset + p.value * lookup_scalar(textures, p.texture, uv, profile.tiling, 1.0);
     let [first, second] = &profile.params;
-    match profile.kind {
-        DelayKind::None => Profile::NONE,
-        DelayKind::Constant => Profile::Constant(value(first)),
-        DelayKind::Exponential => Profile::Exponential(value(first)),
-        DelayKind::Epanechnikov => Profile::Epanechnikov { mean: value(first), width: value(second) },
-        DelayKind::Table => profile.table.clone().map_or(Profile::NONE, Profile::Table),
-    }
+    Profile::of_parts(profile.kind, [value(first), value(second)], || profile.table.clone())
 }
 
 /// The sum of one delay of each profile, at these texture coordinates.
@@ -102,7 +116,7 @@ pub fn at(profile: &DelayProfile, textures: &[Texture], uv: Vec2) -> Profile {
 pub fn sample_all<'a>(
     profiles: impl Iterator<Item = &'a DelayProfile>,
     textures: &[Texture],
-    uv: Vec2,
+    uv: Uv,
     chance: &mut Independent,
 ) -> f32 {
     profiles.map(|profile| at(profile, textures, uv).sample(chance.next_1d())).sum()

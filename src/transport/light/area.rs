@@ -1,11 +1,11 @@
 //! Emissive primitives: points uniform over their exact area, and what they emit there.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::{DirectSample, LightId, LightPoint};
 use crate::math::warp;
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, Sphere};
+use crate::scene::compile::{Material, Sphere, Uv};
 use crate::transport::surface::{coverage, lookup, sphere_uv};
 
 /// The sphere that emitter `i` is, if it is one.
@@ -18,24 +18,26 @@ pub(super) fn sphere(scene: &CompiledScene, i: u32) -> Option<&Sphere> {
 #[inline]
 pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
     let light = LightId::Emitter(i);
-    let p = scene.emitters[i as usize].primitive as usize;
-    match scene.attributes.get(p) {
-        Some(attributes) => {
-            let [a, b, c] = scene.corners(p as u32, scene.emitters[i as usize].instance);
+    match sphere(scene, i) {
+        None => {
+            let p = scene.emitters[i as usize].primitive;
+            let [a, b, c] = scene.corners(p, scene.emitters[i as usize].instance);
             let [v, w] = warp::uniform_triangle(u);
-            let u = 1.0 - v - w;
-            let [ta, tb, tc] = attributes.uvs;
             LightPoint {
                 light,
-                position: a * u + b * v + c * w,
+                position: a * (1.0 - v - w) + b * v + c * w,
                 normal: (b - a).cross(c - a).normalize_or_zero(),
-                uv: ta * u + tb * v + tc * w,
+                uv: scene.uv_at(p, [v, w]),
             }
         }
-        None => {
-            let sphere = &scene.spheres[p - scene.triangles.len()];
+        Some(sphere) => {
             let normal = warp::uniform_sphere(u);
-            LightPoint { light, position: sphere.center + normal * sphere.radius, normal, uv: sphere_uv(normal) }
+            LightPoint {
+                light,
+                position: sphere.center + normal * sphere.radius,
+                normal,
+                uv: Uv::same(sphere_uv(normal)),
+            }
         }
     }
 }
@@ -76,7 +78,7 @@ fn density(to: Vec3, distance: f32, normal: Vec3, area: f32) -> f32 {
 
 /// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.
 #[inline]
-pub(super) fn emission(scene: &CompiledScene, i: u32, uv: Vec2) -> Vec3 {
+pub(super) fn emission(scene: &CompiledScene, i: u32, uv: Uv) -> Vec3 {
     let m = material(scene, i);
     m.emission * coverage(&scene.textures, m, uv) * lookup(&scene.textures, m.emission_texture, uv, m.tiling)
 }

@@ -2,11 +2,12 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::{LightId, LightPoint};
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
+use crate::scene::compile::Uv;
 
 /// Rounding must not leave a corner outside.
 const MARGIN: f32 = 1.0 + 1e-5;
@@ -40,7 +41,7 @@ impl Ball {
     #[inline]
     pub fn outside(&self, light: LightId, from: Vec3, wi: Vec3) -> LightPoint {
         let distance = from.distance(self.center) + 2.0 * self.radius;
-        LightPoint { light, position: from + wi * distance, normal: -wi, uv: Vec2::ZERO }
+        LightPoint { light, position: from + wi * distance, normal: -wi, uv: Uv::default() }
     }
 
     /// A point uniform over the disk that touches the ball and whose normal `dir` looks at it.
@@ -48,6 +49,6 @@ impl Ball {
     pub fn on_disk(&self, light: LightId, dir: Vec3, u: [f32; 2]) -> LightPoint {
         let d = warp::concentric_disk(u) * self.radius;
         let position = self.center + Frame::from_normal(dir).to_world(Vec3::new(d.x, d.y, -self.radius));
-        LightPoint { light, position, normal: dir, uv: Vec2::ZERO }
+        LightPoint { light, position, normal: dir, uv: Uv::default() }
     }
 }

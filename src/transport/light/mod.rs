@@ -43,7 +43,7 @@ mod sphere;
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use self::bounds::Ball;
 use self::environment::Surroundings;
@@ -51,6 +51,7 @@ use super::surface::sphere_uv;
 use crate::math::distribution::Alias;
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
+use crate::scene::compile::Uv;
 
 pub use select::{FIELD as SELECT_FIELD, Select};
 
@@ -100,7 +101,7 @@ pub struct LightPoint {
     /// Unit normal on the emitting side; for lights without a surface, the direction of the emission.
     pub normal: Vec3,
     /// Texture coordinates before tiling; zero for lights without a surface.
-    pub uv: Vec2,
+    pub uv: Uv,
 }
 
 /// Names one light.
@@ -244,8 +245,12 @@ impl Lights {
                 Some(ball) => {
                     let s = sphere::sample(ball, from, u)?;
                     let position = ball.center + s.normal * ball.radius;
-                    let point =
-                        LightPoint { light: LightId::Emitter(i), position, normal: s.normal, uv: sphere_uv(s.normal) };
+                    let point = LightPoint {
+                        light: LightId::Emitter(i),
+                        position,
+                        normal: s.normal,
+                        uv: Uv::same(sphere_uv(s.normal)),
+                    };
                     let radiance = area::emission(scene, i, point.uv);
                     let distance = position.distance(from);
                     Some(DirectSample { wi: s.wi, distance, radiance, pdf_w: s.pdf_w, delta: false, point })

@@ -2,14 +2,14 @@
 
 use std::f32::consts::{PI, TAU};
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::{DirectSample, EmissionSample, LightId, LightPoint};
 use crate::math::{Frame, warp};
-use crate::scene::compile::{Cone, PointLight};
+use crate::scene::compile::{Cone, PointLight, Uv};
 
 fn at(light: &PointLight, i: u32, normal: Vec3) -> LightPoint {
-    LightPoint { light: LightId::Point(i), position: light.position, normal, uv: Vec2::ZERO }
+    LightPoint { light: LightId::Point(i), position: light.position, normal, uv: Uv::default() }
 }
 
 /// One minus the cosine of a unit direction with the axis.

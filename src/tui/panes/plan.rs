@@ -228,10 +228,8 @@ impl<'m> Table<'m> {
             spans.push(Span::styled(words::fit(reason, room, self.view.look.glyphs().ellipsis), style));
             return Line::from(spans);
         }
-        let progress = match self.model.parts_of(cell) {
-            Some((done, of)) => Some(format!("{done}/{of} parts")),
-            None => matches!(entry.state, State::Running).then(|| self.progress(cell, entry)).flatten(),
-        };
+        let running = matches!(entry.state, State::Running);
+        let progress = self.parts(cell).or_else(|| if running { self.progress(cell, entry) } else { None });
         let with_progress = progress.map(|percent| format!("{label}  {percent}"));
         let label = with_progress.filter(|text| words::width(text) <= self.label).unwrap_or(label);
         let mut line = self.padded(&label);
@@ -254,7 +252,7 @@ impl<'m> Table<'m> {
             CellRef::Reference(i) => {
                 let technique = name.split(' ').next().unwrap_or("");
                 // How many parts are there says more than its whole name.
-                let parts = self.model.parts_of(cell).map_or(0, |(done, of)| format!("  {done}/{of} parts").len());
+                let parts = self.parts(cell).map_or(0, |parts| 2 + parts.len());
                 let room = self.label.saturating_sub(parts);
                 let names =
                     [format!("reference {name}"), format!("reference {technique}"), format!("reference {}", i + 1)];
@@ -262,6 +260,11 @@ impl<'m> Table<'m> {
                 fitting.cloned().unwrap_or_else(|| format!("ref {}", i + 1))
             }
         }
+    }
+
+    /// How many parts of a reference are there, while they are not joined.
+    fn parts(&self, cell: CellRef) -> Option<String> {
+        self.model.parts_of(cell).map(|(done, of)| format!("{done}/{of} parts"))
     }
 
     /// How much of a running cell's stop rule is behind it.

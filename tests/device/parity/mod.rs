@@ -173,7 +173,9 @@ fn every_twin_says_what_its_original_says() {
         assert!(!inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words), "{}: inputs", twin.name);
         let words = [twin.in_words, twin.near.len()];
         let name = format!("{}.comp", twin.name);
-        let answers = kernel::compile(&Sources::Embedded, &name, twin.text, words[0], words[1])
+        let second = ("SECOND_UVS", String::new());
+        let defines: Vec<_> = Some(second).into_iter().filter(|_| !scene.second_uvs.is_empty()).collect();
+        let answers = kernel::compile(&Sources::Embedded, &name, twin.text, words[0], words[1], &defines)
             .and_then(|spirv| kernel::run(&device, (&buffers.0, &buffers.1), &spirv, &inputs, words))
             .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
         let wrong = differences(twin, &inputs, &answers, &scene, &job);
@@ -214,7 +216,7 @@ fn a_twin_that_is_wrong_is_found() {
     );
     let inputs = (twin.inputs)();
     let wrong = |text: &str| {
-        let spirv = kernel::compile(&Sources::Embedded, "echo.comp", text, 1, 1).unwrap();
+        let spirv = kernel::compile(&Sources::Embedded, "echo.comp", text, 1, 1, &[]).unwrap();
         let answers = kernel::run(&device, (&buffers.0, &buffers.1), &spirv, &inputs, [1, 1]).unwrap();
         differences(&twin, &inputs, &answers, &scene, &job).len()
     };

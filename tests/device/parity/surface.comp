@@ -20,7 +20,7 @@ void twin() {
     out_vec3(s.n_geometric);
     out_vec3(s.n_shading);
     out_vec3(s.tangent);
-    out_vec2(s.uv);
+    out_vec2(s.uv.xy);
     out_vec3(s.overhang.present ? s.overhang.crest : vec3(0.0));
     out_vec3(surface_base_color(s));
     out_vec3(surface_emitted(s, -ray.dir));

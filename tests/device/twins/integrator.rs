@@ -142,8 +142,8 @@ fn closed() -> CompiledScene {
 fn open() -> CompiledScene {
     let mut d = Dice { count: 1 << 22, words: Vec::new() };
     let mut texture = |width: u32, height: u32| {
-        let texels = (0..width * height).map(|_| std::array::from_fn(|_| d.unit())).collect();
-        Texture { width, height, texels }
+        let texels: Vec<[f32; 3]> = (0..width * height).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        Texture::new(width, height, texels)
     };
     let (sky, pattern) = (texture(8, 4), texture(4, 4));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 50.0);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, Texture};
+use lumbre::scene::compile::{MaskMode, Material, Texture, Uv};
 use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::light::{LightId, LightPoint, Lights};
 
@@ -17,8 +17,8 @@ use crate::device::parity::{Near, Row, Twin};
 fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
     let mut d = Dice { count: 1 << 21, words: Vec::new() };
     let mut texture = |width: u32, height: u32| {
-        let texels = (0..width * height).map(|_| std::array::from_fn(|_| d.unit())).collect();
-        Texture { width, height, texels }
+        let texels: Vec<[f32; 3]> = (0..width * height).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        Texture::new(width, height, texels)
     };
     let (sky, pattern) = (texture(9, 5), texture(4, 4));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
@@ -45,13 +45,13 @@ fn cone(edge: ConeEdge) -> ConeDesc {
 }
 
 fn put_point(lights: &Lights, point: Option<LightPoint>, row: &mut Row) {
-    let none = LightPoint { light: LightId::Point(0), position: Vec3::ZERO, normal: Vec3::ZERO, uv: Vec2::ZERO };
+    let none = LightPoint { light: LightId::Point(0), position: Vec3::ZERO, normal: Vec3::ZERO, uv: Uv::default() };
     let index = point.and_then(|p| lights.each().find(|i| lights.id(*i) == p.light)).unwrap_or(0);
     let point = point.unwrap_or(none);
     row.push(index);
     row.push_floats(point.position.to_array());
     row.push_floats(point.normal.to_array());
-    row.push_floats(point.uv.to_array());
+    row.push_floats(point.uv.first.to_array());
 }
 
 fn inputs() -> Vec<u32> {

@@ -27,8 +27,8 @@ const SAME: Near = Near::Bits;
 
 /// A scene with one of everything.
 pub fn plain() -> (Arc<CompiledScene>, Job) {
-    let texture = Texture { width: 2, height: 1, texels: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]] };
-    let sky = Texture { width: 2, height: 2, texels: vec![[1.0; 3], [0.5; 3], [0.25, 0.0, 0.75], [2.0; 3]] };
+    let texture = Texture::new(2, 1, vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]);
+    let sky = Texture::new(2, 2, vec![[1.0; 3], [0.5; 3], [0.25, 0.0, 0.75], [2.0; 3]]);
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     let index = builder.texture(texture);
     let mut textured = grey(0.5);

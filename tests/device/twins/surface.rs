@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Distribution, Interface, MaskMode, Material, Model, NONE, Texture, UvMap};
+use lumbre::scene::compile::{Distribution, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap, Wrap};
 use lumbre::transport::bsdf::{Bsdf, Mode};
 use lumbre::transport::ray::{Hit, Ray};
 use lumbre::transport::surface::{Surface, coverage, is_masked_out};
@@ -95,18 +95,30 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
     let mut d = Dice { count: 1 << 20, words: Vec::new() };
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     for size in [[4, 3], [1, 1], [7, 2]] {
-        let texels = (0..size[0] * size[1]).map(|_| std::array::from_fn(|_| d.unit())).collect();
-        builder.texture(Texture { width: size[0], height: size[1], texels });
+        let texels: Vec<[f32; 3]> = (0..size[0] * size[1]).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        builder.texture(Texture::new(size[0], size[1], texels));
     }
+    // The same pictures again, as they lie otherwise.
+    let map = Affine2 { matrix2: Mat2::from_cols_array(&[0.8, -0.3, 0.4, 1.7]), translation: Vec2::new(0.3, -1.2) };
+    let lookups = [
+        Lookup { wrap: [Wrap::Mirror, Wrap::Clamp], second: false, map: None },
+        Lookup { wrap: [Wrap::Repeat; 2], second: true, map: Some(map) },
+        Lookup { wrap: [Wrap::Clamp, Wrap::Mirror], second: true, map: Some(map) },
+    ];
+    builder = builder.with(|s| {
+        for (i, lookup) in lookups.into_iter().enumerate() {
+            s.textures.push(Texture { lookup, ..s.textures[i].clone() });
+        }
+    });
     for _ in 0..TRIANGLES {
         let corners = [(); 3].map(|()| d.vector(2.0));
         let uvs = [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.between(-1.5, 1.5)));
-        let m = material(&mut d, 3);
+        let m = material(&mut d, 6);
         builder = builder.triangle(corners, uvs, m);
     }
     for _ in 0..SPHERES {
         let (center, radius) = (d.vector(2.0), d.between(0.1, 2.0));
-        let m = material(&mut d, 3);
+        let m = material(&mut d, 6);
         builder = builder.sphere(center, radius, m);
     }
     let scene = builder.with(|s| {
@@ -117,6 +129,7 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
             .map(|_| [(); 3].map(|()| d.direction().extend(if d.word().is_multiple_of(2) { 1.0 } else { -1.0 })))
             .collect();
         s.tangents[5] = [Vec4::ZERO; 3];
+        s.second_uvs = (0..TRIANGLES).map(|_| [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.unit()))).collect();
         s.colors = (0..TRIANGLES).map(|_| [(); 3].map(|()| Vec3::new(d.unit(), d.unit(), d.unit()))).collect();
     });
     (scene.build(), job([8, 8], 3, 1))
@@ -199,7 +212,7 @@ pub const SURFACE: Twin = Twin {
         for v in [s.position, s.n_geometric, s.n_shading, s.tangent] {
             row.push_floats(v.to_array());
         }
-        row.push_floats(s.uv.to_array());
+        row.push_floats(s.uv.first.to_array());
         row.push_floats(s.overhang.map_or(Vec3::ZERO, |o| o.crest).to_array());
         row.push_floats(s.base_color(&scene.textures).to_array());
         row.push_floats(s.emitted(&scene.textures, -ray.dir).to_array());

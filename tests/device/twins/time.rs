@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use lumbre::film::time::TimeFilter;
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DelayParam, Texture, UvMap};
+use lumbre::scene::compile::{DelayParam, Texture, Uv, UvMap};
 use lumbre::transport::delay;
 use lumbre::transport::flight::Timing;
 use lumbre::transport::light::Lights;
@@ -25,7 +25,7 @@ fn scene() -> (Arc<CompiledScene>, Job) {
     let (mut scene, job) = super::plain();
     let scene_mut = Arc::make_mut(&mut scene);
     let texels = vec![[0.1; 3], [0.9; 3], [0.4; 3], [0.6; 3]];
-    scene_mut.textures.push(Texture { width: 2, height: 2, texels });
+    scene_mut.textures.push(Texture::new(2, 2, texels));
     let texture = scene_mut.textures.len() as u32 - 1;
     slow(scene_mut);
     let mut textured = scene_mut.delays.profiles[2].clone();
@@ -86,7 +86,7 @@ pub const DELAYS: Twin = Twin {
         let [u, optical]: [f32; 2] = row.floats();
         let uv = Vec2::from_array(row.floats());
         let index = row.word();
-        let profile = delay::at(&scene.delays.profiles[index as usize], &scene.textures, uv);
+        let profile = delay::at(&scene.delays.profiles[index as usize], &scene.textures, Uv::same(uv));
         row.push_floats([profile.sample(u)]);
         let axis = job.timing.as_ref().unwrap().axis;
         let place = axis.place(f64::from(optical));

@@ -38,7 +38,7 @@ struct Aim {
 bool aim_at_hit(bool escaped, Departure escape, Vertex z, out Aim aim) {
     if (escaped) {
         vec3 dir = escape.edge.dir;
-        aim.point = LightPoint(job.light_first.z, escape.edge.from + dir, -dir, vec2(0.0));
+        aim.point = LightPoint(job.light_first.z, escape.edge.from + dir, -dir, Uv(0.0));
         aim.dir = -dir;
         aim.next = escape.edge.from;
         aim.n_next = escape.edge.normal;

@@ -33,7 +33,7 @@ struct Vertex {
     bool connectible;
     Overhang overhang;
     uint emitter;
-    vec2 uv;
+    Uv uv;
     vec3 emitted;
     vec3 throughput;
     Chain chain;
@@ -83,7 +83,7 @@ struct Subpaths {
 // The vertices of both subpaths: from the camera, then from the light.
 Vertex vertices[2u * MAX_DEPTH];
 
-const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), vec2(0.0));
+const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), Uv(0.0));
 
 // An edge from a point of the lens.
 Edge edge_from_lens(vec3 from, vec3 dir) {

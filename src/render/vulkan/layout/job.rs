@@ -71,6 +71,8 @@ super::gpu_structs! {
         has_tangents: u32,
         /// First of three texels for each triangle that multiply base colours at its corners, or NONE.
         first_color: u32,
+        /// First of three texels for each triangle that hold its second texture coordinates, or NONE.
+        first_second_uv: u32,
         /// Number of lights.
         light_count: u32,
         /// Index of the first point, direction, environment among the lights.

@@ -13,8 +13,8 @@ use crate::render::paths::MOST_STEPS;
 pub use film::{Counters, Invalid, PathStep, Sums, TimeSums, Wave};
 pub use job::{EnvironmentRow, Job, LightChoice};
 pub use scene::{
-    DelayProfile, DirectionalLight, Emitter, Knot, Material, MaterialPart, Place, PointLight, Sphere, Tangents,
-    Texture, Triangle, TriangleAttributes,
+    DelayProfile, DirectionalLight, Emitter, Entrance, Knot, Material, MaterialPart, Place, PointLight, Sphere,
+    Tangents, Texture, Triangle, TriangleAttributes,
 };
 
 /// A Rust type whose bytes are those of a GLSL type in scalar block layout.
@@ -89,6 +89,19 @@ pub fn structs() -> impl Iterator<Item = &'static StructLayout> {
     [scene::STRUCTS, job::STRUCTS, film::STRUCTS].into_iter().flatten()
 }
 
+/// Custom index of the instance of the triangles that are no copies.
+pub const INSTANCE_TRIANGLES: u32 = 0;
+
+/// Custom index of the instance of the spheres.
+pub const INSTANCE_SPHERES: u32 = 1;
+
+/// Custom index of the first copy's instance; the others follow.
+pub const INSTANCE_COPIES: u32 = 2;
+
+/// Entries of the traversal stack of `shaders/trace/bvh.glsl`: one for each level of the scene's tree and, with copies, one
+/// for each level of a mesh's and two between them.
+pub const BVH_STACK: u32 = 32;
+
 /// Numbers that both sides write by name.
 pub const CONSTANTS: &[(&str, u32)] = &[
     ("NONE", u32::MAX),
@@ -101,6 +114,9 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("DISTRIBUTION_BECKMANN", 1),
     ("MASK_THRESHOLD", 0),
     ("MASK_BLEND", 1),
+    ("WRAP_REPEAT", 0),
+    ("WRAP_MIRROR", 1),
+    ("WRAP_CLAMP", 2),
     ("FILTER_BOX", 0),
     ("FILTER_TENT", 1),
     ("FILTER_GAUSS", 2),
@@ -123,6 +139,10 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("STEP_SHADOW", 2),
     ("STEP_LIGHT", 3),
     ("MOST_STEPS", MOST_STEPS as u32),
+    ("INSTANCE_TRIANGLES", INSTANCE_TRIANGLES),
+    ("INSTANCE_SPHERES", INSTANCE_SPHERES),
+    ("INSTANCE_COPIES", INSTANCE_COPIES),
+    ("BVH_STACK", BVH_STACK),
 ];
 
 /// The text of `shaders/gen/layout.glsl`.

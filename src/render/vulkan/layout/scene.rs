@@ -185,6 +185,18 @@ super::gpu_structs! {
         width: u32,
         /// Rows.
         height: u32,
+        /// What is beyond the edges along u and v: WRAP_REPEAT and so on.
+        wrap: [u32; 2],
+        /// 1 where the second set of texture coordinates is meant, else 0.
+        second: u32,
+        /// 1 where coordinates are moved by the three below, else 0.
+        moved: u32,
+        /// Where the map takes growing u.
+        map_u: [f32; 2],
+        /// Where the map takes growing v.
+        map_v: [f32; 2],
+        /// Where the map takes (0, 0).
+        map_origin: [f32; 2],
     }
 
     /// One emissive primitive.
@@ -237,6 +249,22 @@ super::gpu_structs! {
         emitters: u32,
         /// The number of its first triangle where nothing is shared.
         first: u32,
+    }
+
+    /// How rays enter the space of a copy's mesh: `render::entrance::Entrance`.
+    pub struct Entrance {
+        /// From directions of the world to those of the mesh, first column.
+        inverse_x: [f32; 3],
+        /// Second column.
+        inverse_y: [f32; 3],
+        /// Third column.
+        inverse_z: [f32; 3],
+        /// The middle of the mesh's box in the world.
+        pivot_world: [f32; 3],
+        /// The same in the mesh's space.
+        pivot_own: [f32; 3],
+        /// The first node of the mesh's tree.
+        root: u32,
     }
 
     /// A point that shines in all directions or into a cone.

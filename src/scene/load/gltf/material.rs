@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 
 use super::document::Document;
 use crate::scene::desc::material::MIN_IOR;
-use crate::scene::desc::{MaskMode, MaterialDesc, Texels, TextureDesc, TextureSlot, texture_hash};
+use crate::scene::desc::{Lookup, MaskMode, MaterialDesc, TextureDesc, TextureSlot, Wrap};
 use crate::scene::load::Missing;
 use crate::scene::load::images::Pictures;
 use crate::scene::{Note, SceneError};
@@ -24,15 +24,35 @@ const READ: &[&str] = &[
     "KHR_materials_anisotropy",
 ];
 
-/// A material, the set of texture coordinates that it uses, and how they are moved on the mesh.
+/// A material, and what it wants of the texture coordinates of meshes.
 pub(super) struct Read {
     /// The material.
     pub desc: MaterialDesc,
-    /// 0 or 1 of `TEXCOORD_n`.
-    pub uv_set: u64,
-    /// From the coordinates of the file to those of the picture, both starting at the top left.
-    pub uv: Affine2,
+    /// Them.
+    pub wanted: Coordinates,
 }
+
+/// Which sets of texture coordinates a mesh takes from the file. The normal map decides about the first one, since
+/// tangents follow it, or else the first texture.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Coordinates {
+    /// The number of `TEXCOORD_n` that is the first set.
+    pub first: u64,
+    /// From the first set in the file to that of the mesh, both starting at the top left.
+    pub map: Affine2,
+    /// The number of the set that is the second one.
+    pub second: Option<u64>,
+}
+
+/// Where a texture lies: its set of coordinates, and from those to places in the picture, both starting at the top left.
+#[derive(Clone, Copy, PartialEq)]
+struct Place {
+    set: u64,
+    map: Affine2,
+}
+
+/// A picture, and what is beyond its edges.
+type Wrapped = (Arc<TextureDesc>, [Wrap; 2]);
 
 /// Reads materials and the images that they name, each once.
 pub(super) struct Materials<'a> {
@@ -53,7 +73,7 @@ impl<'a> Materials<'a> {
     pub fn read(&mut self, i: usize, name: String) -> Result<Read, SceneError> {
         let m = self.document.at("materials", i).clone();
         let place = format!("materials[{i}]");
-        let mut read = Read { desc: MaterialDesc::new(&name), uv_set: 0, uv: Affine2::IDENTITY };
+        let mut read = Read { desc: MaterialDesc::new(&name), wanted: Coordinates::default() };
         let d = &mut read.desc;
         let pbr = &m["pbrMetallicRoughness"];
         let part = |v: &Json, default: f64| v.as_f64().unwrap_or(default).clamp(0.0, 1.0) as f32;
@@ -118,66 +138,76 @@ impl<'a> Materials<'a> {
 
     fn textures(&mut self, place: &str, m: &Json, read: &mut Read) -> Result<(), SceneError> {
         let pbr = &m["pbrMetallicRoughness"];
+        let passes = &m["extensions"]["KHR_materials_transmission"]["transmissionTexture"];
+        let said = [
+            ("baseColorTexture", &pbr["baseColorTexture"]),
+            ("metallicRoughnessTexture", &pbr["metallicRoughnessTexture"]),
+            ("normalTexture", &m["normalTexture"]),
+            ("emissiveTexture", &m["emissiveTexture"]),
+            ("transmissionTexture", passes),
+        ];
+        let mut found = [const { None }; 5];
+        for ((key, said), found) in said.iter().zip(&mut found) {
+            if said.is_object() {
+                let place = format!("{place}.{key}");
+                let lies = self.lies(&place, said)?;
+                *found = self.texture(&place, said)?.map(|(image, wrap)| (image, wrap, lies, place));
+            }
+        }
+        if let Some((_, _, lies, _)) = found[2].as_ref().or(found.iter().flatten().next()) {
+            read.wanted = Coordinates { first: lies.set, map: lies.map, second: None };
+        }
+        let mut laid = [const { None }; 5];
+        for (found, laid) in found.into_iter().zip(&mut laid) {
+            if let Some((image, wrap, lies, place)) = found {
+                *laid = Some((image, Lookup { wrap, ..self.lookup(&place, lies, &mut read.wanted) }));
+            }
+        }
+        let [base, rough, normal, emissive, transmission] = laid;
+        let d = &mut read.desc;
         let alpha = pbr["baseColorFactor"][3].as_f64().unwrap_or(1.0) as f32;
-        let mut placed = false;
-        let base = self.texture(place, "baseColorTexture", &pbr["baseColorTexture"], read, &mut placed)?;
         match m["alphaMode"].as_str().unwrap_or("OPAQUE") {
             "OPAQUE" => {}
             mode => {
-                read.desc.mask_mode = if mode == "BLEND" { MaskMode::Blend } else { MaskMode::Threshold };
-                read.desc.mask_threshold = m["alphaCutoff"].as_f64().unwrap_or(0.5).clamp(0.0, 1.0) as f32;
-                let mask = match &base {
-                    Some(image) => self.channel(place, image, 3, alpha)?,
-                    None => constant(alpha),
+                d.mask_mode = if mode == "BLEND" { MaskMode::Blend } else { MaskMode::Threshold };
+                d.mask_threshold = m["alphaCutoff"].as_f64().unwrap_or(0.5).clamp(0.0, 1.0) as f32;
+                let (mask, lookup) = match &base {
+                    Some((image, lookup)) => (self.channel(place, image, 3, alpha)?, *lookup),
+                    None => (Arc::new(TextureDesc::grey(alpha)), Lookup::default()),
                 };
-                read.desc.set_texture(TextureSlot::Mask, Some(mask));
+                d.lay_texture(TextureSlot::Mask, mask, lookup);
             }
         }
-        if let Some(image) = base {
-            read.desc.set_texture(TextureSlot::BaseColor, Some(image));
+        if let Some((image, lookup)) = base {
+            d.lay_texture(TextureSlot::BaseColor, image, lookup);
         }
-        let rough =
-            self.texture(place, "metallicRoughnessTexture", &pbr["metallicRoughnessTexture"], read, &mut placed)?;
-        if let Some(image) = rough {
-            let (roughness, metallic) = (read.desc.roughness, read.desc.metallic);
-            read.desc.set_texture(TextureSlot::Roughness, Some(self.channel(place, &image, 1, roughness)?));
-            read.desc.set_texture(TextureSlot::Metallic, Some(self.channel(place, &image, 2, metallic)?));
+        if let Some((image, lookup)) = rough {
+            let (roughness, metallic) = (d.roughness, d.metallic);
+            d.lay_texture(TextureSlot::Roughness, self.channel(place, &image, 1, roughness)?, lookup);
+            d.lay_texture(TextureSlot::Metallic, self.channel(place, &image, 2, metallic)?, lookup);
         }
-        let normal = self.texture(place, "normalTexture", &m["normalTexture"], read, &mut placed)?;
-        if let Some(image) = normal {
+        if let Some((image, lookup)) = normal {
             let scale = m["normalTexture"]["scale"].as_f64().unwrap_or(1.0);
             if scale < 0.0 {
                 self.note(place, "a negative scale of a normal map is not possible: it is switched off");
             }
-            read.desc.normal_strength = scale.clamp(0.0, 100.0) as f32;
-            read.desc.set_texture(TextureSlot::Normal, Some(image));
+            d.normal_strength = scale.clamp(0.0, 100.0) as f32;
+            d.lay_texture(TextureSlot::Normal, image, lookup);
         }
-        if let Some(image) = self.texture(place, "emissiveTexture", &m["emissiveTexture"], read, &mut placed)? {
-            read.desc.set_texture(TextureSlot::Emission, Some(image));
+        if let Some((image, lookup)) = emissive {
+            d.lay_texture(TextureSlot::Emission, image, lookup);
         }
-        let passes = &m["extensions"]["KHR_materials_transmission"]["transmissionTexture"];
-        if let Some(image) = self.texture(place, "transmissionTexture", passes, read, &mut placed)? {
+        if let Some((image, lookup)) = transmission {
             // What passes is what is not opaque.
-            let through = 1.0 - read.desc.opacity;
+            let through = 1.0 - d.opacity;
             let opaque = self.mapped(place, &image, &format!("1 - r * {through}"), |[r, ..]| 1.0 - r * through)?;
-            read.desc.set_texture(TextureSlot::Opacity, Some(opaque));
+            d.lay_texture(TextureSlot::Opacity, opaque, lookup);
         }
         Ok(())
     }
 
-    /// The image of a texture, whose coordinates the first one of a material decides.
-    fn texture(
-        &mut self,
-        place: &str,
-        key: &str,
-        said: &Json,
-        read: &mut Read,
-        placed: &mut bool,
-    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
-        if !said.is_object() {
-            return Ok(None);
-        }
-        let place = format!("{place}.{key}");
+    /// Where a texture lies.
+    fn lies(&mut self, place: &str, said: &Json) -> Result<Place, SceneError> {
         let transform = &said["extensions"]["KHR_texture_transform"];
         let set = transform["texCoord"].as_u64().or(said["texCoord"].as_u64()).unwrap_or(0);
         let pair = |v: &Json, default: f32| {
@@ -185,35 +215,54 @@ impl<'a> Materials<'a> {
             Vec2::new(at(0), at(1))
         };
         let angle = transform["rotation"].as_f64().unwrap_or(0.0) as f32;
-        let uv = Affine2::from_scale_angle_translation(
-            pair(&transform["scale"], 1.0),
-            -angle,
-            pair(&transform["offset"], 0.0),
-        );
         // Its rotation comes after the scale.
-        let uv = if angle == 0.0 {
-            uv
-        } else {
-            Affine2::from_translation(uv.translation)
-                * Affine2::from_angle(-angle)
-                * Affine2::from_scale(pair(&transform["scale"], 1.0))
-        };
-        if !uv.is_finite() {
-            return Err(self.document.error(&place, "its transform must be finite"));
+        let map = Affine2::from_translation(pair(&transform["offset"], 0.0))
+            * Affine2::from_angle(-angle)
+            * Affine2::from_scale(pair(&transform["scale"], 1.0));
+        if !map.is_finite() {
+            return Err(self.document.error(place, "its transform must be finite"));
         }
-        if !*placed {
-            (read.uv_set, read.uv, *placed) = (set, uv, true);
-        } else if read.uv_set != set || read.uv != uv {
-            self.note(&place, "all textures of a material have the coordinates of its first one");
+        Ok(Place { set, map })
+    }
+
+    /// How a texture is laid on a mesh that has these coordinates; the second set is that of the first texture which
+    /// wants another one than the first set.
+    fn lookup(&mut self, place: &str, lies: Place, wanted: &mut Coordinates) -> Lookup {
+        let second = lies.set != wanted.first;
+        if second && *wanted.second.get_or_insert(lies.set) != lies.set {
+            self.note(place, "a material has textures on two sets of coordinates at most: this one lies as the first");
+            return Lookup::default();
         }
-        let (i, texture) = self.document.named(&place, "textures", &said["index"])?;
+        let around = if second { Affine2::IDENTITY } else { wanted.map };
+        match Lookup::beside(around, lies.map) {
+            Ok(map) => Lookup { second, map: map.map(turned_over), ..Lookup::default() },
+            Err(e) => {
+                self.note(place, e.to_string());
+                Lookup::default()
+            }
+        }
+    }
+
+    /// The image of a texture, and how it goes on beyond its edges.
+    fn texture(&mut self, place: &str, said: &Json) -> Result<Option<Wrapped>, SceneError> {
+        let (i, texture) = self.document.named(place, "textures", &said["index"])?;
+        let place = format!("textures[{i}]");
         let texture = texture.clone();
-        let sampler = self.document.json["samplers"][texture["sampler"].as_u64().unwrap_or(u64::MAX) as usize].clone();
-        let repeats = |key: &str| sampler[key].as_u64().is_none_or(|mode| mode == 10497);
-        if !(repeats("wrapS") && repeats("wrapT")) || sampler["magFilter"].as_u64() == Some(9728) {
-            self.note(&format!("textures[{i}]"), "textures are bilinear and repeat, whatever their sampler says");
+        let sampler = match &texture["sampler"] {
+            Json::Null => Json::Null,
+            index => self.document.named(&place, "samplers", index)?.1.clone(),
+        };
+        let wrap = |key: &str| match sampler[key].as_u64() {
+            Some(33071) => Wrap::Clamp,
+            Some(33648) => Wrap::Mirror,
+            _ => Wrap::Repeat,
+        };
+        if sampler["magFilter"].as_u64() == Some(9728) {
+            self.note(&place, "textures are bilinear, whatever their sampler says");
         }
-        self.image(&format!("textures[{i}]"), &texture["source"])
+        // Turning v over changes none of the three.
+        let wraps = [wrap("wrapS"), wrap("wrapT")];
+        Ok(self.image(&place, &texture["source"])?.map(|image| (image, wraps)))
     }
 
     /// A grey picture by a function of every texel, whose channels are as stored from 0 to 1.
@@ -248,19 +297,7 @@ impl<'a> Materials<'a> {
             return Ok(known.clone());
         }
         let place = format!("images[{i}]");
-        let document = self.document;
-        let decoded = match image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) {
-            Some(uri) => self.pictures.load(&document.beside(uri), self.notes),
-            None => {
-                let bytes = match document.uri(&place, image) {
-                    Ok(Some(bytes)) => Ok(bytes),
-                    Ok(None) => document.view(&place, &image["bufferView"]).map(|(bytes, _)| bytes.to_vec()),
-                    Err(e) => Err(e),
-                };
-                bytes.and_then(|bytes| self.pictures.part(&document.path, bytes, document.size(), self.notes))
-            }
-        };
-        let image = match decoded.map_err(|e| document.error(&place, e.to_string())) {
+        let image = match self.picture(&place, image) {
             Ok(image) => Some(image),
             Err(e) if self.missing == Missing::Noted => {
                 self.note(&place, format!("{e}: left out"));
@@ -271,16 +308,33 @@ impl<'a> Materials<'a> {
         self.images.insert(i, image.clone());
         Ok(image)
     }
+
+    /// Reads an image of the document, which errors name.
+    fn picture(&mut self, place: &str, image: &Json) -> Result<Arc<TextureDesc>, SceneError> {
+        let document = self.document;
+        if let Some(uri) = image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) {
+            let read = self.pictures.load(&document.beside(uri), self.notes);
+            return read.map_err(|e| document.error(place, e.to_string()));
+        }
+        let bytes = match document.uri(place, image)? {
+            Some(bytes) => bytes,
+            None => document.view(place, &image["bufferView"])?.0.to_vec(),
+        };
+        self.pictures.part(&document.path, bytes, document.size(), self.notes).map_err(|e| match e {
+            SceneError::Malformed { problem, .. } => document.error(place, problem),
+            other => other,
+        })
+    }
+}
+
+/// A map of texture coordinates that start at the top left as one of those that start at the bottom left, and the other
+/// way round.
+fn turned_over(map: Affine2) -> Affine2 {
+    let turn = Affine2 { matrix2: glam::Mat2::from_diagonal(Vec2::new(1.0, -1.0)), translation: Vec2::Y };
+    turn * map * turn
 }
 
 fn color(v: &Json, default: Vec3) -> Vec3 {
     let at = |i: usize| v[i].as_f64().map_or(default[i], |x| x as f32);
     Vec3::new(at(0), at(1), at(2))
-}
-
-/// A picture of one grey texel.
-fn constant(value: f32) -> Arc<TextureDesc> {
-    let texels = Texels::RgbaF32(vec![[value, value, value, 1.0]]);
-    let content_hash = texture_hash(1, 1, &texels);
-    Arc::new(TextureDesc { file: Default::default(), width: 1, height: 1, texels, content_hash })
 }

@@ -21,13 +21,14 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec2, Vec3, Vec3A};
 use serde_json::Value as Json;
 
 use self::document::{Document, GLB_MAGIC};
-use self::material::Materials;
+use self::material::{Coordinates, Materials};
 use super::{Missing, bare, scn};
 use crate::scene::desc::{
     CameraDesc, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
     LightKind, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureSlot, Transform, mesh_hash,
 };
 use crate::scene::names::Names;
+use crate::scene::shape::Shape;
 use crate::scene::{Note, SceneError};
 
 /// How deep nodes may lie in one another.
@@ -48,23 +49,21 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
     }
     let mut notes = Vec::new();
     let mut builder = Builder {
-        boxes: BTreeMap::new(),
         document: &document,
         materials: Vec::new(),
         rows: BTreeMap::new(),
         meshes: BTreeMap::new(),
         entities: Vec::new(),
         lights: Vec::new(),
+        places: Vec::new(),
         camera: None,
-        bounds: None,
-        framed: 0,
         reached: BTreeSet::new(),
         names: Names::default(),
         notes: Vec::new(),
     };
     builder.read_materials(missing, &mut notes)?;
     builder.scene()?;
-    let camera = builder.camera.take().unwrap_or_else(|| bare::framing_camera(builder.bounds));
+    let camera = builder.camera.take().unwrap_or_else(|| bare::framing_camera(builder.bounds()));
     // Pictures that shine are signs and screens, which are shown by the light of a viewer.
     let is_lamp = |m: &MaterialDesc| m.emission != Vec3::ZERO && m.texture(TextureSlot::Emission).is_none();
     let dark = builder.lights.is_empty() && !builder.materials.iter().any(is_lamp);
@@ -90,17 +89,14 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
 struct Builder<'a> {
     document: &'a Document,
     materials: Vec<MaterialDesc>,
-    /// Name, set and map of texture coordinates by index of a material.
-    rows: BTreeMap<usize, (String, u64, glam::Affine2)>,
+    /// Name and texture coordinates by index of a material.
+    rows: BTreeMap<usize, (String, Coordinates)>,
     meshes: BTreeMap<usize, Option<Arc<MeshDesc>>>,
     entities: Vec<EntityDesc>,
+    /// Where each entity stands, in double precision.
+    places: Vec<DAffine3>,
     lights: Vec<LightDesc>,
     camera: Option<CameraDesc>,
-    bounds: Option<[Vec3; 2]>,
-    /// Bounds of meshes in their own space, by address.
-    boxes: BTreeMap<*const MeshDesc, [Vec3; 2]>,
-    /// Corners that the bounds have seen.
-    framed: usize,
     /// Nodes that were read: each has one parent, or none.
     reached: BTreeSet<usize>,
     names: Names,
@@ -124,7 +120,7 @@ impl Builder<'_> {
         for i in 0..document.count("materials") {
             let name = self.name(&document.at("materials", i)["name"], "material");
             let read = reader.read(i, name.clone())?;
-            self.rows.insert(i, (name, read.uv_set, read.uv));
+            self.rows.insert(i, (name, read.wanted));
             self.materials.push(read.desc);
         }
         Ok(())
@@ -187,13 +183,13 @@ impl Builder<'_> {
             }
         };
         let Some(shape) = shape else { return Ok(()) };
-        self.frame(&shape, world);
         let given = if node["name"].is_string() { &node["name"] } else { &mesh["name"] };
         let name = self.name(given, "mesh");
         let frame = glam::Affine3A {
             matrix3: Mat3A::from(world.matrix3.as_mat3()),
             translation: Vec3A::from(world.translation.as_vec3()),
         };
+        self.places.push(world);
         self.entities.push(EntityDesc {
             name,
             transform: Transform::framed(frame),
@@ -204,51 +200,62 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Widens the bounds by a mesh in its place.
-    fn frame(&mut self, mesh: &MeshDesc, world: DAffine3) {
-        self.framed += mesh.positions.len();
-        let mut widen = |p: Vec3| {
-            let p = world.transform_point3(p.as_dvec3()).as_vec3();
-            self.bounds = Some(bare::joined(self.bounds, p, p));
-        };
-        if self.framed <= MAX_FRAMED {
-            return mesh.positions.iter().copied().for_each(widen);
+    /// The box around all meshes in their places.
+    fn bounds(&self) -> Option<[Vec3; 2]> {
+        let (mut bounds, mut framed) = (None, 0);
+        // Bounds of meshes in their own space, by address.
+        let mut boxes: BTreeMap<*const MeshDesc, [Vec3; 2]> = BTreeMap::new();
+        for (entity, world) in self.entities.iter().zip(&self.places) {
+            let ShapeDesc::Mesh(mesh) = &entity.shape else { continue };
+            framed += mesh.positions.len();
+            let mut widen = |p: Vec3| {
+                let p = world.transform_point3(p.as_dvec3()).as_vec3();
+                bounds = Some(bare::joined(bounds, p, p));
+            };
+            if framed <= MAX_FRAMED {
+                mesh.positions.iter().copied().for_each(widen);
+                continue;
+            }
+            // Copies without end of one mesh.
+            let Some(first) = mesh.positions.first() else { continue };
+            let [low, high] = *boxes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                mesh.positions.iter().fold([*first; 2], |[low, high], p| [low.min(*p), high.max(*p)])
+            });
+            (0..8).for_each(|i| widen(Vec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), low, high)));
         }
-        // Copies without end of one mesh.
-        let Some(first) = mesh.positions.first() else { return };
-        let [low, high] = *self
-            .boxes
-            .entry(std::ptr::from_ref(mesh))
-            .or_insert_with(|| mesh.positions.iter().fold([*first; 2], |[low, high], p| [low.min(*p), high.max(*p)]));
-        (0..8).for_each(|i| widen(Vec3::select(glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), low, high)));
+        bounds
     }
 
     /// All primitives of a mesh as one; `None` where none is made of triangles.
     fn mesh(&mut self, i: usize, mesh: &Json) -> Result<Option<MeshDesc>, SceneError> {
-        let mut out = MeshDesc {
-            file: self.document.path.clone(),
-            positions: Vec::new(),
-            normals: Vec::new(),
-            uvs: Vec::new(),
-            colors: Vec::new(),
-            triangles: Vec::new(),
-            slots: Vec::new(),
-            triangle_slot: Vec::new(),
-            content_hash: [0; 32],
-        };
+        let mut whole = Shape::default();
+        let (mut slots, mut triangle_slot): (Vec<String>, Vec<u32>) = (Vec::new(), Vec::new());
         for (k, primitive) in list(&mesh["primitives"]).iter().enumerate() {
-            self.primitive(&format!("meshes[{i}].primitives[{k}]"), primitive, &mut out)?;
+            let Some((part, slot)) = self.primitive(&format!("meshes[{i}].primitives[{k}]"), primitive)? else {
+                continue;
+            };
+            let row = slots.iter().position(|s| *s == slot).unwrap_or(slots.len());
+            if row == slots.len() {
+                slots.push(slot);
+            }
+            triangle_slot.resize(triangle_slot.len() + part.triangles.len(), row as u32);
+            whole.merge(part);
         }
-        out.content_hash = mesh_hash(&out);
-        Ok((!out.triangles.is_empty()).then_some(out))
+        if whole.triangles.is_empty() {
+            return Ok(None);
+        }
+        let mut mesh = MeshDesc { slots, triangle_slot, ..whole.into_mesh(self.document.path.clone(), "") };
+        mesh.content_hash = mesh_hash(&mesh);
+        Ok(Some(mesh))
     }
 
-    fn primitive(&mut self, place: &str, primitive: &Json, out: &mut MeshDesc) -> Result<(), SceneError> {
+    /// The triangles of a primitive and the name of their material; `None`, with a note, where it has no triangles.
+    fn primitive(&mut self, place: &str, primitive: &Json) -> Result<Option<(Shape, String)>, SceneError> {
         let document = self.document;
         let mode = primitive["mode"].as_u64().unwrap_or(4);
         if !(4..=6).contains(&mode) {
             self.note(place, "points and lines are not surfaces: left out");
-            return Ok(());
+            return Ok(None);
         }
         if primitive["extensions"]["KHR_draco_mesh_compression"].is_object() {
             return Err(document.error(place, "meshes compressed with Draco are not read"));
@@ -262,8 +269,8 @@ impl Builder<'_> {
         if primitive["targets"].is_array() {
             self.note(place, "morph targets are not read");
         }
-        let (slot, set, uv) = match &primitive["material"] {
-            Json::Null => (DEFAULT_MATERIAL.to_owned(), 0, glam::Affine2::IDENTITY),
+        let (slot, wanted) = match &primitive["material"] {
+            Json::Null => (DEFAULT_MATERIAL.to_owned(), Coordinates::default()),
             index => self.rows[&document.named(place, "materials", index)?.0].clone(),
         };
         let at = |key: &str| format!("{place}.attributes.{key}");
@@ -273,10 +280,22 @@ impl Builder<'_> {
         };
         let positions = vectors("POSITION", 3)?;
         let normals = vectors("NORMAL", 3)?;
-        let uvs = vectors(&format!("TEXCOORD_{set}"), 2)?;
-        let colors = self.colors(place, &attributes["COLOR_0"])?;
+        let uvs = vectors(&format!("TEXCOORD_{}", wanted.first), 2)?;
+        let second = match wanted.second {
+            Some(set) => vectors(&format!("TEXCOORD_{set}"), 2)?,
+            None => Rc::default(),
+        };
+        let width = match &attributes["COLOR_0"] {
+            Json::Null => 3,
+            index => match document.named(&at("COLOR_0"), "accessors", index)?.1["type"].as_str() {
+                Some("VEC4") => 4,
+                _ => 3,
+            },
+        };
+        let colors = vectors("COLOR_0", width)?;
         let count = positions.len() / 3;
-        if [normals.len() / 3, uvs.len() / 2, colors.len()].into_iter().any(|n| n != 0 && n != count) {
+        let counts = [normals.len() / 3, uvs.len() / 2, second.len() / 2, colors.len() / width];
+        if counts.into_iter().any(|n| n != 0 && n != count) {
             return Err(document.error(place, "its attributes have different numbers of elements"));
         }
         let indices = match &primitive["indices"] {
@@ -285,7 +304,9 @@ impl Builder<'_> {
         };
         // Primitives often share vertices of which each has a few.
         let corners = indices.as_ref().map_or(count, |indices| indices.len());
-        document.spend(place, 8 * corners.min(count) as u64 + corners as u64)?;
+        let numbers = positions.len() + normals.len() + uvs.len() + second.len() + colors.len();
+        let each = (numbers / count.max(1)).max(8);
+        document.spend(place, (each * corners.min(count)) as u64 + corners as u64)?;
         let mut indices: Vec<u32> = match indices {
             None => (0..count as u32).collect(),
             Some(indices) => indices.iter().map(|x| *x as u32).collect(),
@@ -302,40 +323,42 @@ impl Builder<'_> {
         } else {
             (0..count as u32).collect()
         };
-        let triples = |numbers: &[f64]| -> Vec<Vec3> {
-            let at = |i: &u32| numbers.get(3 * *i as usize..).and_then(|rest| rest.get(..3)).map(vec3);
-            used.iter().filter_map(at).collect()
+        let vec3s = |numbers: &[f64]| -> Vec<Vec3> { picked::<3>(numbers, &used).iter().map(|c| vec3(c)).collect() };
+        // Ours start at the bottom left.
+        let uv = |[x, y]: &[f64; 2], map: glam::Affine2| {
+            let p = map.transform_point2(Vec2::new(*x as f32, *y as f32));
+            Vec2::new(p.x, 1.0 - p.y)
         };
-        let (positions, normals) = (triples(&positions), triples(&normals));
-        let colors: Vec<Vec3> = used.iter().filter_map(|i| colors.get(*i as usize)).copied().collect();
-        let uvs: Vec<Vec2> = used
-            .iter()
-            .filter_map(|i| uvs.get(2 * *i as usize..).and_then(|rest| rest.get(..2)))
-            .map(|c| uv.transform_point2(Vec2::new(c[0] as f32, c[1] as f32)))
-            .map(|p| Vec2::new(p.x, 1.0 - p.y))
-            .collect();
+        let uvs = picked::<2>(&uvs, &used).iter().map(|p| uv(p, wanted.map)).collect();
+        let second_uvs = picked::<2>(&second, &used).iter().map(|p| uv(p, glam::Affine2::IDENTITY)).collect();
+        let colors: Vec<Vec3> = match width {
+            4 => {
+                let colors = picked::<4>(&colors, &used);
+                if colors.iter().any(|c| c[3] < 1.0) {
+                    self.note(&at("COLOR_0"), "the alpha of colours of vertices is not read");
+                }
+                colors.iter().map(|c| vec3(c)).collect()
+            }
+            _ => vec3s(&colors),
+        };
         let triangles: Vec<[u32; 3]> = match mode {
             4 => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
             5 => strip(&indices),
             _ => indices.windows(2).skip(1).map(|t| [indices[0], t[0], t[1]]).collect(),
         };
-        append(out, Part { positions, normals, uvs, colors, triangles }, &slot);
-        Ok(())
-    }
-
-    /// Colours of vertices, which are linear; their alpha is a note where it says something.
-    fn colors(&mut self, place: &str, index: &Json) -> Result<Vec<Vec3>, SceneError> {
-        if index.is_null() {
-            return Ok(Vec::new());
+        let mut part = Shape {
+            positions: vec3s(&positions),
+            normals: vec3s(&normals),
+            uvs,
+            second_uvs,
+            colors: colors.into_iter().map(|c| c.clamp(Vec3::ZERO, Vec3::ONE)).collect(),
+            triangles,
+        };
+        if part.normals.is_empty() {
+            part.facet();
         }
-        let place = format!("{place}.attributes.COLOR_0");
-        let (_, accessor) = self.document.named(&place, "accessors", index)?;
-        let n = if accessor["type"].as_str() == Some("VEC4") { 4 } else { 3 };
-        let numbers = self.document.numbers(&place, index, n)?;
-        if n == 4 && numbers.chunks_exact(4).any(|c| c[3] < 1.0) {
-            self.note(&place, "the alpha of colours of vertices is not read");
-        }
-        Ok(numbers.chunks_exact(n).map(|c| vec3(c).clamp(Vec3::ZERO, Vec3::ONE)).collect())
+        part.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
+        Ok(Some((part, slot)))
     }
 
     fn camera(&mut self, place: &str, node: &Json, world: DAffine3) -> Result<(), SceneError> {
@@ -430,55 +453,8 @@ fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
     indices.windows(3).enumerate().map(turned).collect()
 }
 
-/// A part of a mesh with a material of its own.
-struct Part {
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
-    uvs: Vec<Vec2>,
-    colors: Vec<Vec3>,
-    triangles: Vec<[u32; 3]>,
-}
-
-/// Adds a part; one without normals gets corners of its own with those of its triangles.
-fn append(out: &mut MeshDesc, mut part: Part, slot: &str) {
-    if part.normals.is_empty() {
-        facet(&mut part);
-    }
-    part.normals.iter_mut().for_each(|n| *n = n.normalize_or(Vec3::Y));
-    let had_uvs = !out.uvs.is_empty();
-    if had_uvs || !part.uvs.is_empty() {
-        out.uvs.resize(out.positions.len(), Vec2::ZERO);
-        part.uvs.resize(part.positions.len(), Vec2::ZERO);
-    }
-    if !out.colors.is_empty() || !part.colors.is_empty() {
-        out.colors.resize(out.positions.len(), Vec3::ONE);
-        part.colors.resize(part.positions.len(), Vec3::ONE);
-    }
-    let base = out.positions.len() as u32;
-    let row = out.slots.iter().position(|s| s == slot).unwrap_or_else(|| {
-        out.slots.push(slot.to_owned());
-        out.slots.len() - 1
-    });
-    out.positions.append(&mut part.positions);
-    out.normals.append(&mut part.normals);
-    out.uvs.append(&mut part.uvs);
-    out.colors.append(&mut part.colors);
-    out.triangle_slot.resize(out.triangle_slot.len() + part.triangles.len(), row as u32);
-    out.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + base)));
-}
-
-/// Gives every triangle corners of its own with its own normal.
-fn facet(part: &mut Part) {
-    let corners: Vec<usize> = part.triangles.iter().flatten().map(|i| *i as usize).collect();
-    let positions: Vec<Vec3> = corners.iter().map(|i| part.positions[*i]).collect();
-    if !part.uvs.is_empty() {
-        part.uvs = corners.iter().map(|i| part.uvs[*i]).collect();
-    }
-    if !part.colors.is_empty() {
-        part.colors = corners.iter().map(|i| part.colors[*i]).collect();
-    }
-    part.normals =
-        positions.chunks_exact(3).flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3]).collect();
-    part.triangles = (0..part.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    part.positions = positions;
+/// The elements of these numbers, each of `N`.
+fn picked<const N: usize>(numbers: &[f64], which: &[u32]) -> Vec<[f64; N]> {
+    let element = |i: &u32| numbers.get(N * *i as usize..).and_then(|rest| rest.first_chunk()).copied();
+    which.iter().filter_map(element).collect()
 }

@@ -23,8 +23,8 @@ pub(in crate::scene::load) const READS: &[Reads] = &[
     Reads { name: "`POSITION`, `NORMAL`", read: "positions; normals, without which faces are flat", noted: "" },
     Reads {
         name: "texture coordinates",
-        read: "of each material the set that its first texture names, whichever that is",
-        noted: "other sets beside it",
+        read: "of each material the sets of two of its textures: of the normal map, else of the first one, and of the first with another",
+        noted: "a third set",
     },
     Reads {
         name: "`COLOR_0`",
@@ -96,13 +96,13 @@ pub(in crate::scene::load) const READS: &[Reads] = &[
     },
     Reads {
         name: "`KHR_texture_transform`",
-        read: "`offset`, `rotation`, `scale` and `texCoord` of the material's first texture",
-        noted: "those of further textures that differ",
+        read: "`offset`, `rotation`, `scale` and `texCoord` of every texture",
+        noted: "textures beside one of scale 0",
     },
     Reads {
         name: "`samplers`",
-        read: "all textures are bilinear and repeat",
-        noted: "other filters and ways of wrapping",
+        read: "`wrapS` and `wrapT`: textures repeat, are mirrored, or are clamped; all are bilinear",
+        noted: "`NEAREST`",
     },
     Reads { name: "all other extensions", read: "", noted: "named; that of volumes too: glass has no absorption here" },
 ];

@@ -1,6 +1,7 @@
 //! Surfaces: plugins of the class `bsdf` as materials.
 
 use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -8,19 +9,11 @@ use super::texture::Textures;
 use super::tree::{Data, Item, Object};
 use super::{metals, texture};
 use crate::scene::desc::material::{MIN_IOR, SMOOTH_ROUGHNESS};
-use crate::scene::desc::{Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
+use crate::scene::desc::{Distribution, MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
 use crate::scene::{Note, SceneError};
 
 /// How deep surfaces may wrap one another.
 const MAX_WRAPS: usize = 8;
-
-/// A material, and how its texture coordinates must be moved where its parameters cannot.
-pub(super) struct Surface {
-    /// The material.
-    pub material: MaterialDesc,
-    /// See [`texture::UvAffine`].
-    pub uv: Option<texture::UvAffine>,
-}
 
 /// Reads a surface as a material of a name.
 pub(super) fn read(
@@ -28,10 +21,10 @@ pub(super) fn read(
     name: &str,
     textures: &mut Textures,
     notes: &mut Vec<Note>,
-) -> Result<Surface, SceneError> {
-    let mut reader = Reader { m: MaterialDesc::new(name), uv: None, textures, notes };
+) -> Result<MaterialDesc, SceneError> {
+    let mut reader = Reader { m: MaterialDesc::new(name), textures, notes };
     reader.wrapped(object, false, 0)?;
-    Ok(Surface { material: reader.m, uv: reader.uv })
+    Ok(reader.m)
 }
 
 /// The grey surface of shapes that name none.
@@ -41,7 +34,6 @@ pub(super) fn plain(name: &str) -> MaterialDesc {
 
 struct Reader<'a> {
     m: MaterialDesc,
-    uv: Option<texture::UvAffine>,
     textures: &'a mut Textures,
     notes: &'a mut Vec<Note>,
 }
@@ -192,14 +184,9 @@ impl Reader<'_> {
     }
 
     fn slot(&mut self, o: &Object, slot: TextureSlot, read: texture::Read) {
-        let (tiling, offset, rest) = read.placement();
-        let first = self.m.textures.is_empty();
-        if first {
-            (self.m.tiling, self.m.uv_offset, self.uv) = (tiling, offset, rest);
-        } else if (self.m.tiling, self.m.uv_offset, &self.uv) != (tiling, offset, &rest) {
-            self.notes.push(o.note("all textures of a surface are placed as its first one"));
+        if let Err(e) = read.lay(&mut self.m, slot) {
+            self.notes.push(o.note(e.to_string()));
         }
-        self.m.set_texture(slot, Some(read.image));
     }
 
     /// `alpha`, or `alpha_u` and `alpha_v`, as roughness and anisotropy.
@@ -360,7 +347,7 @@ impl Reader<'_> {
             self.notes.push(o.note("an opacity has no colour here: the mean of its channels is used"));
         }
         let grey = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
-        self.m.set_texture(TextureSlot::Mask, Some(texture::constant(grey)));
+        self.m.set_texture(TextureSlot::Mask, Some(Arc::new(TextureDesc::grey(grey))));
         Ok(())
     }
 }

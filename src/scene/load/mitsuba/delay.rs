@@ -8,8 +8,6 @@
 use std::rc::Rc;
 
 use super::Builder;
-use super::bsdf::Surface;
-use super::texture::UvAffine;
 use super::tree::{Item, Object};
 use super::values::shorten;
 use crate::scene::SceneError;
@@ -21,7 +19,7 @@ pub(super) fn is_delayed(o: &Object) -> bool {
 }
 
 /// Reads one of them as a material of a name.
-pub(super) fn read(builder: &mut Builder, o: &Rc<Object>, name: &str) -> Result<Surface, SceneError> {
+pub(super) fn read(builder: &mut Builder, o: &Rc<Object>, name: &str) -> Result<MaterialDesc, SceneError> {
     let inside: Vec<Rc<Object>> = o.children("bsdf").cloned().collect();
     if o.kind.eq_ignore_ascii_case("composed") {
         return composed(builder, o, name, &inside);
@@ -29,10 +27,9 @@ pub(super) fn read(builder: &mut Builder, o: &Rc<Object>, name: &str) -> Result<
     let [inner] = &inside[..] else {
         return Err(o.error(format!("a `{}` needs one surface inside, found {}", o.kind, inside.len())));
     };
-    let mut surface = if is_delayed(inner) {
-        let (part, uv) = builder.surface(inner, Some(name))?;
-        let material = MaterialDesc { parts: vec![part], weights: vec![1.0], ..MaterialDesc::new(name) };
-        Surface { material, uv }
+    let mut material = if is_delayed(inner) {
+        let part = builder.surface(inner, Some(name))?;
+        MaterialDesc { parts: vec![part], weights: vec![1.0], ..MaterialDesc::new(name) }
     } else {
         super::bsdf::read(inner, name, &mut builder.textures, &mut builder.notes)?
     };
@@ -40,20 +37,22 @@ pub(super) fn read(builder: &mut Builder, o: &Rc<Object>, name: &str) -> Result<
     let Some(profile) = profiles.last().cloned() else {
         return Err(o.error(format!("a `{}` needs a `TemporalProfile`", o.kind)));
     };
-    fill(builder, &profile, &mut surface.material)?;
-    Ok(surface)
+    fill(builder, &profile, &mut material)?;
+    Ok(material)
 }
 
-fn composed(builder: &mut Builder, o: &Rc<Object>, name: &str, inside: &[Rc<Object>]) -> Result<Surface, SceneError> {
+fn composed(
+    builder: &mut Builder,
+    o: &Rc<Object>,
+    name: &str,
+    inside: &[Rc<Object>],
+) -> Result<MaterialDesc, SceneError> {
     if inside.is_empty() {
         return Err(o.error("a `Composed` needs surfaces inside"));
     }
     let mut material = MaterialDesc::new(name);
-    let mut uv: Option<UvAffine> = None;
     for part in inside {
-        let (part, placed) = builder.surface(part, Some(name))?;
-        material.parts.push(part);
-        uv = uv.or(placed);
+        material.parts.push(builder.surface(part, Some(name))?);
     }
     material.weights = match o.text("weights")? {
         Some(text) => {
@@ -67,7 +66,7 @@ fn composed(builder: &mut Builder, o: &Rc<Object>, name: &str, inside: &[Rc<Obje
         }
         None => return Err(o.error("a `Composed` of other than two surfaces needs `weights`")),
     };
-    Ok(Surface { material, uv })
+    Ok(material)
 }
 
 /// Fills in the profile of a material.
@@ -96,8 +95,10 @@ fn fill(builder: &mut Builder, o: &Object, m: &mut MaterialDesc) -> Result<(), S
         };
         let value = match o.item(name) {
             Some(Item::Object(t)) => {
-                if let Some(read) = builder.textures.read(t, &mut builder.notes)? {
-                    m.set_texture(*slot, Some(read.image));
+                if let Some(read) = builder.textures.read(t, &mut builder.notes)?
+                    && let Err(e) = read.lay(m, *slot)
+                {
+                    builder.notes.push(t.note(e.to_string()));
                 }
                 1.0
             }

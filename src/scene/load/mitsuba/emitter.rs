@@ -29,14 +29,10 @@ pub(super) fn shine(
 ) -> Result<(), SceneError> {
     if let Some(t) = texture_of(o.item("radiance")) {
         if let Some(read) = textures.read(t, notes)? {
-            let (tiling, offset, rest) = read.placement();
-            if material.textures.is_empty() && rest.is_none() {
-                (material.tiling, material.uv_offset) = (tiling, offset);
-            } else {
-                notes.push(t.note("all textures of a surface are placed as its first one"));
+            if let Err(e) = read.lay(material, TextureSlot::Emission) {
+                notes.push(t.note(e.to_string()));
             }
             material.emission = Vec3::ONE;
-            material.set_texture(TextureSlot::Emission, Some(read.image));
         }
         return Ok(());
     }

@@ -29,7 +29,6 @@ use std::rc::Rc;
 
 use glam::{Affine3A, DAffine3, Mat3A, Vec3A};
 
-use self::bsdf::Surface;
 use self::shape::{Meshes, Placed};
 use self::texture::Textures;
 use self::tree::{Item, Object};
@@ -86,7 +85,7 @@ struct Builder {
     textures: Textures,
     meshes: Meshes,
     /// Material and map of texture coordinates by surface, told apart by its address.
-    surfaces: BTreeMap<*const Object, (String, Option<texture::UvAffine>)>,
+    surfaces: BTreeMap<*const Object, String>,
     materials: Vec<MaterialDesc>,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -154,11 +153,7 @@ impl Builder {
     }
 
     /// The material of a surface.
-    fn surface(
-        &mut self,
-        o: &Rc<Object>,
-        stem: Option<&str>,
-    ) -> Result<(String, Option<texture::UvAffine>), SceneError> {
+    fn surface(&mut self, o: &Rc<Object>, stem: Option<&str>) -> Result<String, SceneError> {
         if let Some(known) = self.surfaces.get(&Rc::as_ptr(o)) {
             return Ok(known.clone());
         }
@@ -166,13 +161,13 @@ impl Builder {
         // Opaque surfaces reflect on both sides here.
         let inner =
             if o.kind == "twosided" { o.children("bsdf").next().filter(|b| delay::is_delayed(b)) } else { None };
-        let Surface { material, uv } = match inner.cloned().or_else(|| delay::is_delayed(o).then(|| o.clone())) {
+        let material = match inner.cloned().or_else(|| delay::is_delayed(o).then(|| o.clone())) {
             Some(delayed) => delay::read(self, &delayed, &name)?,
             None => bsdf::read(o, &name, &mut self.textures, &mut self.notes)?,
         };
         self.materials.push(material);
-        self.surfaces.insert(Rc::as_ptr(o), (name.clone(), uv));
-        Ok((name, uv))
+        self.surfaces.insert(Rc::as_ptr(o), name.clone());
+        Ok(name)
     }
 
     fn shape(&mut self, o: &Rc<Object>, around: &DAffine3, depth: usize) -> Result<(), SceneError> {
@@ -184,11 +179,11 @@ impl Builder {
         }
         let stem = o.id.clone();
         let surface = o.children("bsdf").next().cloned();
-        let (mut material, uv) = match &surface {
+        let mut material = match &surface {
             Some(s) => self.surface(s, stem.as_deref())?,
-            None => (String::new(), None),
+            None => String::new(),
         };
-        let Some(Placed { shape, transform, stem: kind }) = self.meshes.read(o, uv, &mut self.notes)? else {
+        let Some(Placed { shape, transform, stem: kind }) = self.meshes.read(o, &mut self.notes)? else {
             o.known(&o.items.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
             return Ok(());
         };

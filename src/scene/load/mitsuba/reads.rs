@@ -61,7 +61,7 @@ pub(in crate::scene::load) const READS: &[Reads] = &[
         noted: "",
     },
     Reads { name: "other surfaces", read: "", noted: "grey" },
-    Reads { name: "`bitmap`", read: "`filename`, `raw`, `to_uv`", noted: "other filters and ways of wrapping" },
+    Reads { name: "`bitmap`", read: "`filename`, `raw`, `to_uv`, `wrap_mode`", noted: "other filters" },
     Reads { name: "`checkerboard`", read: "`color0`, `color1`, `to_uv`", noted: "textures of its colours" },
     Reads { name: "other textures", read: "", noted: "left out" },
     Reads { name: "`area`", read: "`radiance`, a colour or a texture", noted: "" },

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use glam::{DAffine3, Vec2, Vec3};
 
-use super::texture::UvAffine;
 use super::tree::Object;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::scene::load::obj::Front;
@@ -40,15 +39,12 @@ struct Taken {
     flipped: bool,
     /// Whether texture coordinates start at the bottom left, as OBJ has them.
     up: bool,
-    /// The bits of a map of texture coordinates.
-    uv: Option<[u32; 6]>,
     /// Whether its own place mirrors it, which turns the front round where the file has no normals.
     mirrors: bool,
 }
 
-/// A made shape: its name and the bits of its numbers, whether it is turned inside out, and its map of texture
-/// coordinates.
-type Made = (&'static str, [u32; 7], bool, Option<[u32; 6]>);
+/// A made shape: its name and the bits of its numbers, and whether it is turned inside out.
+type Made = (&'static str, [u32; 7], bool);
 
 /// Meshes that were read or made, shared by all shapes that take them alike.
 #[derive(Default)]
@@ -61,16 +57,11 @@ pub(super) struct Meshes {
 
 impl Meshes {
     /// Reads or makes a shape; `None`, with a note, for kinds that are not known.
-    pub fn read(
-        &mut self,
-        o: &Object,
-        uv: Option<UvAffine>,
-        notes: &mut Vec<Note>,
-    ) -> Result<Option<Placed>, SceneError> {
+    pub fn read(&mut self, o: &Object, notes: &mut Vec<Note>) -> Result<Option<Placed>, SceneError> {
         let transform = o.map("to_world")?;
         let flipped = o.flag("flip_normals", false)?;
         let mut made = |kind: &'static str, numbers: [f32; 7], shape: &dyn Fn() -> Result<Shape, SceneError>| {
-            let key = (kind, numbers.map(f32::to_bits), flipped, uv.map(|map| map.map(f32::to_bits)));
+            let key = (kind, numbers.map(f32::to_bits), flipped);
             let mesh = match self.made.get(&key) {
                 Some(mesh) => mesh.clone(),
                 None => {
@@ -79,7 +70,7 @@ impl Meshes {
                     if self.triangles > MAX_MADE {
                         return Err(o.error(format!("different shapes of more than {MAX_MADE} triangles in all")));
                     }
-                    finish(&mut mesh, flipped, uv);
+                    finish(&mut mesh, flipped);
                     self.made.entry(key).or_insert(Arc::new(mesh)).clone()
                 }
             };
@@ -87,7 +78,7 @@ impl Meshes {
         };
         match o.kind.as_str() {
             "obj" | "ply" => {
-                let mesh = self.file(o, &transform, flipped, uv, notes)?;
+                let mesh = self.file(o, &transform, flipped, notes)?;
                 let stem = mesh.file.file_stem().map_or_else(|| "mesh".into(), |s| s.to_string_lossy().into_owned());
                 Ok(Some(Placed { shape: ShapeDesc::Mesh(mesh), transform, stem }))
             }
@@ -136,7 +127,6 @@ impl Meshes {
         o: &Object,
         transform: &DAffine3,
         flipped: bool,
-        uv: Option<UvAffine>,
         notes: &mut Vec<Note>,
     ) -> Result<Arc<MeshDesc>, SceneError> {
         let Some(name) = o.text("filename")? else {
@@ -150,7 +140,6 @@ impl Meshes {
             flat: o.flag("face_normals", false)?,
             flipped,
             up: o.flag("flip_tex_coords", is_obj)?,
-            uv: uv.map(|map| map.map(f32::to_bits)),
             mirrors,
         };
         if let Some(mesh) = self.files.get(&taken) {
@@ -177,21 +166,18 @@ impl Meshes {
         if !taken.up {
             mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
         }
-        finish(&mut mesh, flipped, uv);
+        finish(&mut mesh, flipped);
         let mesh = Arc::new(mesh);
         self.files.insert(taken, mesh.clone());
         Ok(mesh)
     }
 }
 
-/// Turns a mesh inside out, moves its texture coordinates, and hashes it.
-fn finish(mesh: &mut MeshDesc, flipped: bool, uv: Option<UvAffine>) {
+/// Turns a mesh inside out, and hashes it.
+fn finish(mesh: &mut MeshDesc, flipped: bool) {
     if flipped {
         mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         mesh.normals.iter_mut().for_each(|n| *n = -*n);
-    }
-    if let Some([a, b, x, c, d, y]) = uv {
-        mesh.uvs.iter_mut().for_each(|p| *p = Vec2::new(a * p.x + b * p.y + x, c * p.x + d * p.y + y));
     }
     mesh.content_hash = mesh_hash(mesh);
 }

@@ -1,15 +1,14 @@
 //! Textures: `bitmap` and `checkerboard`.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use glam::{DAffine3, Vec2, Vec3};
+use glam::{Affine2, DAffine3, Mat2, Vec2, Vec3};
 
 use super::tree::{Item, Object};
 use crate::scene::compile::srgb_to_linear;
-use crate::scene::desc::{Texels, TextureDesc, texture_hash};
+use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureSlot, Wrap};
 use crate::scene::load::Missing;
 use crate::scene::load::images::Pictures;
 use crate::scene::{Note, SceneError};
@@ -19,36 +18,39 @@ const BOARD: u32 = 256;
 /// How many of them with different colours a scene may have: each takes a megabyte.
 const MAX_BOARDS: usize = 64;
 
-/// A map of texture coordinates, `[xx, xy, x, yx, yy, y]`, that no factor and offset can say.
-pub(super) type UvAffine = [f32; 6];
-
 /// A texture as Mitsuba sees it: coordinates start at the top left, before `to_uv`.
 pub(super) struct Read {
     /// The image.
     pub image: Arc<TextureDesc>,
     to_uv: DAffine3,
+    wrap: Wrap,
 }
 
 impl Read {
-    /// Factor, offset, and where these two cannot say it the whole map, for coordinates that start at the bottom left.
-    pub fn placement(&self) -> (f32, Vec2, Option<UvAffine>) {
-        let (m, t) = (self.to_uv.matrix3.as_mat3(), self.to_uv.translation.as_vec3());
-        // With v = 1 - v' on both sides of u' = a u + b v + tx, v' = c u + d v + ty.
-        let (a, b, c, d) = (m.x_axis.x, m.y_axis.x, m.x_axis.y, m.y_axis.y);
-        let map = [a, -b, b + t.x, -c, d, 1.0 - d - t.y];
-        let scaled = b == 0.0 && c == 0.0 && (a - d).abs() <= 1e-6 * a.abs();
-        if scaled { (a, Vec2::new(map[2], map[5]), None) } else { (1.0, Vec2::ZERO, Some(map)) }
+    /// Puts the picture into a slot of a material. A factor and an offset of the first texture become the material's own;
+    /// whatever else `to_uv` says is the texture's.
+    ///
+    /// # Errors
+    /// Where the first texture was laid so that no other one can be laid beside it: this one lies as that one then.
+    pub fn lay(self, m: &mut MaterialDesc, slot: TextureSlot) -> Result<(), NoInverse> {
+        let (to, t) = (self.to_uv.matrix3.as_mat3(), self.to_uv.translation.as_vec3());
+        // For coordinates that start at the bottom left: with v = 1 - v' on both sides of u' = a u + b v + tx,
+        // v' = c u + d v + ty.
+        let (a, b, c, d) = (to.x_axis.x, to.y_axis.x, to.x_axis.y, to.y_axis.y);
+        let even = b == 0.0 && c == 0.0 && (a - d).abs() <= 1e-6 * a.abs();
+        let own = Affine2 {
+            matrix2: Mat2::from_cols_array(&[a, -c, -b, if even { a } else { d }]),
+            translation: Vec2::new(b + t.x, 1.0 - d - t.y),
+        };
+        if m.textures.is_empty() && even {
+            (m.tiling, m.uv_offset) = (a, own.translation);
+        }
+        let tiling = Affine2::from_scale_angle_translation(Vec2::splat(m.tiling), 0.0, m.uv_offset);
+        m.set_texture(slot, Some(self.image));
+        let map = Lookup::beside(tiling, own);
+        m.set_lookup(slot, Lookup { wrap: [self.wrap; 2], second: false, map: map.unwrap_or(None) });
+        map.map(|_| ())
     }
-}
-
-fn made(file: &Path, width: u32, height: u32, texels: Texels) -> Arc<TextureDesc> {
-    let content_hash = texture_hash(width, height, &texels);
-    Arc::new(TextureDesc { file: file.to_owned(), width, height, texels, content_hash })
-}
-
-/// One grey texel.
-pub(super) fn constant(grey: f32) -> Arc<TextureDesc> {
-    made(Path::new(""), 1, 1, Texels::RgbaF32(vec![[grey, grey, grey, 1.0]]))
 }
 
 /// The images that were read or made.
@@ -94,16 +96,18 @@ impl Textures {
             "bitmap" => {
                 let Some(file) = o.text("filename")? else { return Err(o.error("a bitmap needs a `filename`")) };
                 let raw = o.flag("raw", false)?;
-                for (key, known) in [("filter_type", &["bilinear", "trilinear", "ewa"][..]), ("wrap_mode", &["repeat"])]
-                {
-                    if let Some(said) = o.text(key)?
-                        && !known.contains(&said)
-                    {
-                        notes.push(o.note(format!("textures are bilinear and repeat: `{key}` is ignored")));
-                    }
+                if o.text("filter_type")?.is_some_and(|said| !["bilinear", "trilinear", "ewa"].contains(&said)) {
+                    notes.push(o.note("textures are bilinear: `filter_type` is ignored"));
                 }
+                let wrap = match o.text("wrap_mode")? {
+                    None => Wrap::Repeat,
+                    Some(said) => Wrap::ALL.into_iter().find(|wrap| wrap.word() == said).unwrap_or_else(|| {
+                        notes.push(o.note("known are `repeat`, `mirror` and `clamp`: `wrap_mode` is ignored"));
+                        Wrap::Repeat
+                    }),
+                };
                 o.known(&["format", "accel", "gamma", "cache", "max_anisotropy", "wrap_mode_u", "wrap_mode_v"]);
-                Ok(self.image(o, file, raw, notes)?.map(|image| Read { image, to_uv }))
+                Ok(self.image(o, file, raw, notes)?.map(|image| Read { image, to_uv, wrap }))
             }
             "checkerboard" => {
                 let mut colors = [Vec3::splat(0.4), Vec3::splat(0.2)];
@@ -122,7 +126,7 @@ impl Textures {
                     return Err(o.error(format!("checkerboards of more than {MAX_BOARDS} pairs of colours")));
                 }
                 let image = self.boards.entry(key).or_insert_with(|| board(colors)).clone();
-                Ok(Some(Read { image, to_uv }))
+                Ok(Some(Read { image, to_uv, wrap: Wrap::Repeat }))
             }
             other => {
                 let shown = super::values::shorten(other);
@@ -164,5 +168,5 @@ fn board(colors: [Vec3; 2]) -> Arc<TextureDesc> {
         let c = colors[field(i % BOARD, i / BOARD)];
         [c.x, c.y, c.z, 1.0]
     };
-    made(Path::new(""), BOARD, BOARD, Texels::RgbaF32((0..BOARD * BOARD).map(at).collect()))
+    Arc::new(TextureDesc::new("", BOARD, BOARD, Texels::RgbaF32((0..BOARD * BOARD).map(at).collect())))
 }

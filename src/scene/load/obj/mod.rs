@@ -120,6 +120,7 @@ fn load_parts(
             normals: Vec::new(),
             uvs: Vec::new(),
             colors: Vec::new(),
+            second_uvs: Vec::new(),
             triangles: Vec::new(),
             slots: Vec::new(),
             triangle_slot: Vec::new(),

@@ -16,16 +16,16 @@
 //! | `bump`, `map_bump` | the bump map, in scene units times `-bm`; the normal map if the picture holds normals |
 //!
 //! An exponent becomes a GGX alpha of sqrt(2 / (Ns + 2)), which has the same peak [Walter et al. 2007]. `disp` moves points,
-//! which is not read. Of the options before a file name, equal factors of `-s` and the offset `-o` of the first
-//! map become those of the material.
+//! which is not read. Of the options before a file name `-s`, `-o` and `-clamp` lay the map: equal factors and the
+//! offset of the first map become those of the material.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Affine2, Vec2, Vec3};
 
 use crate::scene::desc::material::MIN_IOR;
-use crate::scene::desc::{MaterialDesc, TextureDesc, TextureSlot};
+use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, TextureDesc, TextureSlot, Wrap};
 use crate::scene::load::images::{self, Pictures};
 use crate::scene::load::{Missing, read};
 use crate::scene::{Note, SceneError};
@@ -44,14 +44,16 @@ struct Said {
     roughness: Option<f32>,
     dissolve: Option<f32>,
     model: Option<u32>,
-    placed: bool,
+    /// Why the newest map could not be laid.
+    refused: Option<NoInverse>,
 }
 
 /// What stands after the keyword of a map.
 struct Options<'t> {
     name: &'t str,
-    scale: f32,
+    scale: Vec2,
     offset: Vec2,
+    wrap: Wrap,
     /// How high bumps are.
     multiplier: Option<f32>,
 }
@@ -198,7 +200,7 @@ impl File<'_> {
     }
 
     fn map(&mut self, line: usize, rest: &str, slot: TextureSlot) -> Result<(), SceneError> {
-        let Options { name, scale, offset, multiplier } = self.options(line, rest)?;
+        let Options { name, scale, offset, wrap, multiplier } = self.options(line, rest)?;
         if name.is_empty() {
             return Err(self.error(line, "a map needs a file".to_owned()));
         }
@@ -225,11 +227,17 @@ impl File<'_> {
                 TextureSlot::Normal => m.normal_strength = multiplier.unwrap_or(1.0).clamp(0.0, 100.0),
                 _ => {}
             }
-            m.set_texture(slot, Some(texture));
-            if !said.placed && (scale, offset) != (1.0, Vec2::ZERO) {
-                (m.tiling, m.uv_offset, said.placed) = (scale, offset, true);
+            if m.textures.is_empty() && scale.x == scale.y {
+                (m.tiling, m.uv_offset) = (scale.x, offset);
             }
+            let laid = |scale, offset| Affine2::from_scale_angle_translation(scale, 0.0, offset);
+            let map = Lookup::beside(laid(Vec2::splat(m.tiling), m.uv_offset), laid(scale, offset));
+            said.refused = map.err();
+            m.lay_texture(slot, texture, Lookup { wrap: [wrap; 2], second: false, map: map.unwrap_or(None) });
         });
+        if let Some(e) = self.materials.last().and_then(|(_, said)| said.refused) {
+            self.note(line, e.to_string());
+        }
         Ok(())
     }
 
@@ -260,7 +268,7 @@ impl File<'_> {
 
     /// The file's name, and what the options before it say.
     fn options<'t>(&mut self, line: usize, rest: &'t str) -> Result<Options<'t>, SceneError> {
-        let (mut scale, mut offset, mut multiplier) = (1.0, Vec2::ZERO, None);
+        let (mut scale, mut offset, mut wrap, mut multiplier) = (Vec2::ONE, Vec2::ZERO, Wrap::Repeat, None);
         let mut left = rest;
         while let Some(option) = left.split_whitespace().next().filter(|w| w.starts_with('-')) {
             left = left[option.len()..].trim_start();
@@ -269,6 +277,7 @@ impl File<'_> {
                 "-mm" => 2,
                 _ => 1,
             };
+            let on = left.split_whitespace().next() == Some("on");
             let mut numbers = Vec::new();
             for i in 0..values {
                 let Some(word) = left.split_whitespace().next() else { break };
@@ -280,14 +289,15 @@ impl File<'_> {
                 left = left[word.len()..].trim_start();
             }
             match (option, numbers.as_slice()) {
-                ("-s", [u, more @ ..]) if more.first().is_none_or(|v| v == u) => scale = *u,
+                ("-s", [u, more @ ..]) => scale = Vec2::new(*u, more.first().copied().unwrap_or(*u)),
                 ("-o", [u, more @ ..]) => offset = Vec2::new(*u, more.first().copied().unwrap_or(0.0)),
                 ("-bm", [by]) => multiplier = Some(*by),
+                ("-clamp", _) => wrap = if on { Wrap::Clamp } else { Wrap::Repeat },
                 ("-bm" | "-blendu" | "-blendv" | "-cc" | "-imfchan" | "-texres" | "-type", _) => {}
                 _ => self.note(line, format!("the option `{}` of a map is not read: ignored", shorten(option))),
             }
         }
-        Ok(Options { name: left, scale, offset, multiplier })
+        Ok(Options { name: left, scale, offset, wrap, multiplier })
     }
 
     fn finish(self) -> Vec<MaterialDesc> {

@@ -40,9 +40,9 @@ pub(in crate::scene::load) const READS: &[Reads] = &[
         noted: "heights without `-bm`, pictures of normals",
     },
     Reads {
-        name: "`-s`, `-o`",
-        read: "equal factors and an offset of the first map, for all maps of the material",
-        noted: "uneven factors",
+        name: "`-s`, `-o`, `-clamp`",
+        read: "factors, offset and edges of each map; equal factors and the offset of the first are the material's `tiling` and `uv_offset`",
+        noted: "maps beside one of factor 0",
     },
     Reads {
         name: "`ka`, `tf`, `map_ka`, `map_ks`, `map_ns`",

@@ -1,10 +1,10 @@
 //! What one strategy makes of the subpaths: the light that it finds, and the terms of all other strategies over its own.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::subpath::{Escape, Vertex};
 use super::weights::{LightEnd, others_of_ends, others_of_hit, others_of_lens, others_of_next_event, others_of_seen};
-use crate::scene::compile::NONE;
+use crate::scene::compile::{NONE, Uv};
 use crate::transport::bsdf::Mode;
 use crate::transport::camera::CameraConnection;
 use crate::transport::flight;
@@ -52,7 +52,7 @@ pub fn escape(context: &Context, h: Heuristic, escape: &Escape, t: u32) -> Optio
         return None;
     }
     let light = LightId::Environment;
-    let point = LightPoint { light, position: edge.from + edge.dir, normal: -edge.dir, uv: Vec2::ZERO };
+    let point = LightPoint { light, position: edge.from + edge.dir, normal: -edge.dir, uv: Uv::default() };
     let end = LightEnd::new(context, &point, -edge.dir, edge.from, edge.origin.normal());
     let others = others_of_hit(h, &edge.chain(h, 1.0)?, &end, t);
     let unweighted = escape.throughput * radiance;

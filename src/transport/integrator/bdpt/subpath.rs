@@ -1,9 +1,9 @@
 //! The two subpaths of a sample.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::weights::{Chain, LightEnd, Link};
-use crate::scene::compile::NONE;
+use crate::scene::compile::{NONE, Uv};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
 use crate::transport::flight::{Chance, Flight, Stamp};
@@ -42,7 +42,7 @@ pub struct Vertex {
     /// Row of the scene's emitters, or [`NONE`].
     pub emitter: u32,
     /// Texture coordinates before tiling.
-    pub uv: Vec2,
+    pub uv: Uv,
     /// Radiance emitted towards the vertex before, of a camera subpath.
     pub emitted: Vec3,
     /// What the path carries here, over the density with which it came here.

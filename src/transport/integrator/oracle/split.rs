@@ -1,10 +1,10 @@
 //! The fast weights of all strategies of one path: the path is split at every edge, and both sides are built up as if
 //! they had been traced.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::Path;
-use crate::scene::compile::NONE;
+use crate::scene::compile::{NONE, Uv};
 use crate::transport::bsdf::Mode;
 use crate::transport::flight::Stamp;
 use crate::transport::integrator::Context;
@@ -119,7 +119,7 @@ fn vertex(
         connectible: at.dirac.is_none(),
         overhang: None,
         emitter: NONE,
-        uv: Vec2::ZERO,
+        uv: Uv::default(),
         emitted: Vec3::ZERO,
         throughput: Vec3::ONE,
         chain,

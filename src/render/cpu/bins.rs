@@ -1,0 +1,118 @@
+//! The memory of films with a time axis.
+//!
+//! A system hands memory out page by page as it is first written to, which takes many times as long as clearing what is
+//! there. So that no run has that on its clock, and none more than another, bins are written to before the clock starts, and
+//! what a run leaves is the next one's. Of films beyond [`MAX_KEPT_BYTES`] pages come as light reaches them, if it does.
+
+use std::mem::take;
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use crate::film::time::{BYTES_PER_SLOT, MAX_KEPT_BYTES};
+
+/// Slots that a thread clears at a time: 576 KiB.
+const CLEARED: usize = 1 << 14;
+
+/// What runs have left, the newest last.
+static LEFT: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
+
+/// Sums and sums of squares, `[y][x][slot][rgb]`.
+#[derive(Debug, Default)]
+pub(super) struct Bins {
+    pub(super) sum: Vec<[f64; 3]>,
+    pub(super) square: Vec<[f32; 3]>,
+}
+
+impl Bins {
+    /// So many slots of nothing, cleared by the threads of the pool in which this is called.
+    pub(super) fn new(slots: usize) -> Bins {
+        let mut bins = from(&mut LEFT.lock().unwrap_or_else(PoisonError::into_inner), slots)
+            .unwrap_or_else(|| Bins { sum: vec![[0.0; 3]; slots], square: vec![[0.0; 3]; slots] });
+        if bins.bytes() <= MAX_KEPT_BYTES {
+            let pieces = bins.sum.par_chunks_mut(CLEARED).zip(bins.square.par_chunks_mut(CLEARED));
+            pieces.for_each(|(sum, square)| {
+                sum.fill([0.0; 3]);
+                square.fill([0.0; 3]);
+            });
+        }
+        bins
+    }
+
+    /// Leaves them to later runs.
+    pub(super) fn leave(&mut self) {
+        to(&mut LEFT.lock().unwrap_or_else(PoisonError::into_inner), take(self));
+    }
+
+    /// Bytes that it takes.
+    fn bytes(&self) -> u64 {
+        self.sum.len() as u64 * BYTES_PER_SLOT
+    }
+}
+
+/// Bytes that were left and are there for runs to come.
+pub fn kept_bytes() -> u64 {
+    LEFT.lock().unwrap_or_else(PoisonError::into_inner).iter().map(Bins::bytes).sum()
+}
+
+/// What was left of this size. If nothing was, a night has gone on to other pictures, and nothing is kept any longer.
+fn from(left: &mut Vec<Bins>, slots: usize) -> Option<Bins> {
+    match left.iter().rposition(|bins| bins.sum.len() == slots) {
+        Some(i) => Some(left.remove(i)),
+        None => {
+            left.clear();
+            None
+        }
+    }
+}
+
+/// Keeps bins, if there is room for them.
+fn to(left: &mut Vec<Bins>, bins: Bins) {
+    let bytes = left.iter().map(Bins::bytes).sum::<u64>() + bins.bytes();
+    if bytes <= MAX_KEPT_BYTES {
+        left.push(bins);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bins(slots: usize) -> Bins {
+        Bins { sum: vec![[1.0; 3]; slots], square: vec![[1.0; 3]; slots] }
+    }
+
+    #[test]
+    fn the_next_run_of_the_same_size_has_what_was_left_and_another_size_ends_that() {
+        let mut left = Vec::new();
+        to(&mut left, bins(8));
+        to(&mut left, bins(9));
+        to(&mut left, bins(8));
+        assert_eq!(from(&mut left, 8).map(|bins| bins.square.len()), Some(8));
+        assert_eq!(left.iter().map(|bins| bins.sum.len()).collect::<Vec<_>>(), [8, 9]);
+        assert!(from(&mut left, 7).is_none() && left.is_empty());
+    }
+
+    #[test]
+    fn no_more_is_kept_than_there_is_room_for() {
+        let half = (MAX_KEPT_BYTES / BYTES_PER_SLOT / 2) as usize;
+        let mut left = Vec::new();
+        // Nothing is written to them, so that they take no memory.
+        (0..3).for_each(|_| to(&mut left, Bins { sum: vec![[0.0; 3]; half], square: Vec::new() }));
+        assert_eq!(left.len(), 2);
+    }
+
+    #[test]
+    fn what_was_left_is_cleared() {
+        // A size that no other test has.
+        let slots = 3 * CLEARED + 17;
+        for _ in 0..2 {
+            let mut own = Bins::new(slots);
+            assert!((own.sum.len(), own.square.len()) == (slots, slots));
+            assert!(own.sum.iter().all(|v| *v == [0.0; 3]) && own.square.iter().all(|v| *v == [0.0; 3]));
+            own.sum.fill([1.0; 3]);
+            own.square.fill([1.0; 3]);
+            own.leave();
+        }
+    }
+}
