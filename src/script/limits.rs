@@ -73,19 +73,17 @@ impl Watch {
 
     /// Reads a file that the script names, and takes off what was spent on it: files have limits of their own.
     pub fn excused<T>(&self, read: impl FnOnce() -> T) -> T {
-        let began = Instant::now();
+        let (began, before) = (Instant::now(), processor::of_thread());
         let found = read();
-        self.excuse(began.elapsed());
-        found
-    }
-
-    fn excuse(&self, spent: Duration) {
         if let Some(mut running) = self.running.get() {
-            running.deadline += spent;
-            running.last += spent;
-            running.allowed += spent;
+            let took = began.elapsed();
+            let worked = before.and_then(|before| processor::of_thread()?.checked_sub(before));
+            running.deadline += took;
+            running.last += took;
+            running.allowed += worked.unwrap_or(took);
             self.running.set(Some(running));
         }
+        found
     }
 
     /// Whether the time is up: by the clock, and by what this thread has worked since, where the system tells, so that a
