@@ -58,8 +58,8 @@ impl Bonds {
         let path = folder.join(format!("{group}.json"));
         // What vanishes between two looks is somebody's who takes it over.
         for _ in 0..8 {
-            let text = match fs::read_to_string(&path) {
-                Ok(text) => text,
+            let bytes = match fs::read(&path) {
+                Ok(bytes) => bytes,
                 Err(e) if e.kind() == io::ErrorKind::NotFound => {
                     if self.create(&folder, &path)? {
                         self.ours.borrow_mut().insert(group.to_owned(), ());
@@ -69,9 +69,18 @@ impl Bonds {
                 }
                 Err(e) => return Err(e),
             };
-            let json: Json = serde_json::from_str(&text).unwrap_or_default();
-            let field = |key: &str| json[key].as_str().unwrap_or_default().to_owned();
-            let bound = Device { key: field("device"), model: field("model") };
+            let unchanged = |file: &mut fs::File| {
+                let mut now = Vec::new();
+                file.read_to_end(&mut now).map(|_| now == bytes)
+            };
+            let Some(bound) = bound(&bytes) else {
+                if seize(&folder, &path, unchanged)? && self.create(&folder, &path)? {
+                    tracing::warn!("{} is damaged: the comparison is bound anew", path.display());
+                    self.ours.borrow_mut().insert(group.to_owned(), ());
+                    return Ok(Bond::Ours);
+                }
+                continue;
+            };
             let alike = bound.model == self.mine.model;
             if alike && (self.affinity == Affinity::Model || bound.key == self.mine.key) {
                 self.ours.borrow_mut().insert(group.to_owned(), ());
@@ -83,10 +92,6 @@ impl Bonds {
             if self.is_here(&bound.key) {
                 return Ok(Bond::Theirs(bound.key));
             }
-            let unchanged = |file: &mut fs::File| {
-                let mut now = String::new();
-                file.read_to_string(&mut now).map(|_| now == text)
-            };
             if seize(&folder, &path, unchanged)? && self.create(&folder, &path)? {
                 tracing::warn!(
                     "a comparison goes on with {} instead of {}, which has no worker any more; both are {}",
@@ -104,7 +109,8 @@ impl Bonds {
     fn create(&self, folder: &Path, path: &Path) -> io::Result<bool> {
         fs::create_dir_all(folder)?;
         let mut file = write::temporary(folder)?;
-        let bond = json!({ "device": self.mine.key, "model": self.mine.model });
+        let Device { key, model } = &self.mine;
+        let bond = json!({ "device": key, "model": model, "sum": sum(key, model) });
         file.write_all(format!("{bond}\n").as_bytes())?;
         file.as_file().sync_data()?;
         Ok(exclusively(file, path)?.is_some())
@@ -120,6 +126,18 @@ impl Bonds {
         }
         present.as_ref().is_some_and(|(keys, _)| keys.iter().any(|k| k == key))
     }
+}
+
+/// The device that a file binds to; `None` if it is damaged. One that somebody wrote by hand need have no sum.
+fn bound(bytes: &[u8]) -> Option<Device> {
+    let json: Json = serde_json::from_slice(bytes).ok()?;
+    let (key, model) = (json["device"].as_str()?, json["model"].as_str()?);
+    let whole = json.get("sum").is_none_or(|kept| kept.as_str() == Some(&sum(key, model)));
+    whole.then(|| Device { key: key.to_owned(), model: model.to_owned() })
+}
+
+fn sum(key: &str, model: &str) -> String {
+    blake3::hash(format!("{key}\n{model}").as_bytes()).to_hex()[..16].to_owned()
 }
 
 #[cfg(test)]
@@ -150,5 +168,23 @@ mod tests {
         assert_eq!(bonds(&b, Affinity::Device).bind("g").unwrap(), Bond::Ours, "its device has no worker any more");
         let text = fs::read_to_string(dir.path().join(FOLDER).join("g.json")).unwrap();
         assert!(text.contains("n2/0"), "{text}");
+    }
+
+    #[test]
+    fn a_damaged_bond_binds_nobody() {
+        let dir = tempfile::tempdir().unwrap();
+        let (a, other) = (device("n1/0", "lens"), device("n3/0", "mirror"));
+        let bind = |d: &Device| Bonds::new(dir.path(), d.clone(), Affinity::Device).bind("g").unwrap();
+        assert_eq!(bind(&a), Bond::Ours);
+        let path = dir.path().join(FOLDER).join("g.json");
+        let whole = fs::read(&path).unwrap();
+        let flipped = String::from_utf8_lossy(&whole).replace("lens", "hens").into_bytes();
+        for damaged in [&whole[..whole.len() / 2], &flipped, b"", b"\xff"] {
+            fs::write(&path, &whole).unwrap();
+            assert_eq!(bind(&other), Bond::Never("lens".to_owned()));
+            fs::write(&path, damaged).unwrap();
+            assert_eq!(bind(&other), Bond::Ours);
+            assert_eq!(bind(&a), Bond::Never("mirror".to_owned()), "it is bound anew");
+        }
     }
 }
