@@ -26,8 +26,8 @@ use crate::experiment::standing::{Checkpoint, Claim, Settled, Standing};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::film::Image;
 
-/// Where results are written in an experiment's folder, besides the folders of runs.
-const WRITTEN: [&str; 3] = ["", "figures", "tables"];
+/// Where files are written in an experiment's folder, besides the folders of runs.
+const WRITTEN: [&str; 7] = ["", "figures", "tables", "planners", "workers", "bonds", "finished"];
 
 /// An experiment's folder, in which any number of processes work at once, each on other runs.
 #[derive(Debug)]
