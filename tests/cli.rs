@@ -1,5 +1,5 @@
 //! The program end to end, mostly on the mock backend: what is printed, what is written, and how it exits.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
 
 mod common;
 

@@ -16,6 +16,8 @@ mod planner;
 mod queue;
 #[path = "cluster/slurm.rs"]
 mod slurm;
+#[path = "cluster/space.rs"]
+mod space;
 #[path = "cluster/workers.rs"]
 mod workers;
 #[allow(dead_code, reason = "the other binary that runs the program uses more of it")]

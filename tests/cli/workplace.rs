@@ -1,5 +1,6 @@
 //! A folder with a small scene and scripts, in which the program is run.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -47,6 +48,47 @@ x:render(function(p) return { scene = "ball.scn", integrator = "bpt", resolution
 x:stop(function(p) return stop.any { stop.predicate(dawdle), stop.samples(4096) } end)
 return x
 "#;
+
+/// A small file system of its own, which a test can fill; it goes when this does.
+pub struct Disk {
+    folder: PathBuf,
+}
+
+impl Disk {
+    /// Mounts `megabytes` of memory as this folder, which is made. `None`, said as `SKIPPED`, where nothing can be mounted.
+    pub fn mount(folder: PathBuf, megabytes: u32) -> Option<Disk> {
+        std::fs::create_dir(&folder).unwrap();
+        let size = format!("size={megabytes}m");
+        let mount = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "none"]).arg(&folder).output();
+        if mount.is_ok_and(|ended| ended.status.success()) {
+            return Some(Disk { folder });
+        }
+        println!("SKIPPED: no file system can be mounted here");
+        None
+    }
+
+    /// Writes a file until nothing more fits but `left` bytes.
+    pub fn fill(&self, left: usize) {
+        let mut file = std::fs::File::create(self.folder.join("ballast")).unwrap();
+        let mut filled = 0;
+        while let Ok(some @ 1..) = file.write(&[7; 4096]) {
+            filled += some;
+        }
+        file.set_len(filled.saturating_sub(left) as u64).unwrap();
+    }
+
+    /// Takes the file away that fills it.
+    pub fn clear(&self) {
+        std::fs::remove_file(self.folder.join("ballast")).unwrap();
+    }
+}
+
+impl Drop for Disk {
+    fn drop(&mut self) {
+        // Lazily: after a test that failed, a program may still look at it.
+        let _ = Command::new("umount").arg("-l").arg(&self.folder).status();
+    }
+}
 
 impl Workplace {
     /// A workplace with `ball.scn` and the script `night.lua`.

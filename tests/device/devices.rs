@@ -93,6 +93,28 @@ fn alike(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
 }
 
 #[test]
+fn a_worker_for_a_device_that_is_missing_names_those_that_are_and_renders_nothing() {
+    let Some((place, _)) = workplace() else { return };
+    let place = place.path();
+    // Where no queue is, the plan is frozen all the same.
+    program(place, &["submit", "hq", "night.lua"]).output().unwrap();
+    let before = files(&place.join("out/latest/"));
+    assert!(before.contains_key("frozen.json"));
+    for name in ["7", "no such card"] {
+        let output = program(place, &["work", "out/latest", "--device", name]).output().unwrap();
+        let said = text(&output).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(&format!("`{name}` was asked for")) && said.contains("there are: 0 "), "{said}");
+    }
+    assert_eq!(files(&place.join("out/latest/")), before);
+    // On a plan that renders on none, the same word has no meaning, and that is said.
+    std::fs::write(place.join("night.lua"), SCRIPT.replace("vulkan-compute", "mock")).unwrap();
+    program(place, &["submit", "hq", "night.lua"]).output().unwrap();
+    let output = program(place, &["work", "out/latest", "--device", "7"]).output().unwrap();
+    assert!(output.status.success() && text(&output).contains("--device 7 is not looked at"), "{}", text(&output));
+}
+
+#[test]
 fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits_on_any() {
     let Some((place, two)) = workplace() else { return };
     let place = place.path();

@@ -51,6 +51,11 @@ pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure
     })?;
     let Thawed { script, plan, frozen } = thaw(&home, global)?;
     let me = me(&plan, args.affinity);
+    if let (Some(device), true) = (&args.device, places_of(&plan).is_empty()) {
+        talk(&format!(
+            "note: nothing of this plan is rendered on a graphics device; --device {device} is not looked at"
+        ));
+    }
     let store = Store::join(&home, &plan, &frozen, decode, &me).map_err(Failure::usage)?;
     let worker = Worker { script: &script, plan: &plan, store: &store, global, log, args };
     let ended = worker.work();
@@ -110,11 +115,20 @@ fn job() -> String {
     }
 }
 
+/// The backends that a plan names.
+fn backends_of(plan: &Plan) -> BTreeSet<&str> {
+    plan.cells.iter().map(|cell| cell.config.backend.as_str()).collect()
+}
+
+/// The graphics devices that this process renders a plan on, by their places.
+fn places_of(plan: &Plan) -> BTreeSet<String> {
+    backends_of(plan).into_iter().map(device_place).filter(|place| !place.is_empty()).collect()
+}
+
 /// What this process renders the cells of a plan on.
 fn device_of(plan: &Plan) -> Device {
     let host = Host::here();
-    let backends: BTreeSet<&str> = plan.cells.iter().map(|cell| cell.config.backend.as_str()).collect();
-    let places: BTreeSet<String> = backends.iter().map(|name| device_place(name)).filter(|p| !p.is_empty()).collect();
+    let places = places_of(plan);
     let mut key = host.name.clone();
     if !places.is_empty() {
         // Where each job sees its own devices only, each has a device 0: what it was given tells them apart.
@@ -131,7 +145,7 @@ fn device_of(plan: &Plan) -> Device {
         let (Ok(found) | Err(found)) = backend(name).map_or(Err(String::new()), |row| (row.probe)());
         found
     };
-    let models: BTreeSet<String> = backends.into_iter().map(model).collect();
+    let models: BTreeSet<String> = backends_of(plan).into_iter().map(model).collect();
     Device { key, model: models.into_iter().collect::<Vec<_>>().join("; ") }
 }
 
