@@ -51,7 +51,8 @@ else
 end
 
 if bunny ~= "" then
-  s:import(bunny, { material = "hare", place = { scale = 7, at = { 0.12, -1.23, 0.05 } } })
+  -- The Stanford bunny comes without texture coordinates.
+  s:import(bunny, { material = "hare", project = "plane", place = { scale = 7, at = { 0.12, -1.23, 0.05 } } })
   return s
 end
 

@@ -1,6 +1,7 @@
 -- Chlorophyll: green light at once, red light one unit of optical length later, with 30 % and 70 % of green.
 --
 --     lumbre run scripts/chlorophyll.lua
+--     lumbre run scripts/chlorophyll.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
 -- Figure 6.6 of the third source. The material is composed of two: { "hare_green", "hare_red" } with weights that are an
 -- axis here. A path sees one part of it at every vertex, with its weight as probability.
@@ -8,13 +9,14 @@
 local x = experiment("chlorophyll", { seed = 2 })
 
 x:axis("green", { 0.3, 0.7 })
+x:axis("model", { "hare" })
 x:axis("size", { 128 })
 x:axis("samples", { 256 })
 
 x:render(function(p)
   return {
     scene = "scenes/hare_box.lua",
-    scene_options = { hare = "chlorophyll" },
+    scene_options = { hare = "chlorophyll", bunny = p.model ~= "hare" and p.model or "" },
     view = "hare",
     integrator = "nee",
     resolution = { p.size, p.size },

@@ -1,18 +1,20 @@
 -- Two colours and two patches, four moments: blue and yellow light of black patches, then blue and yellow of white ones.
 --
 --     lumbre run scripts/transient_complex.lua
+--     lumbre run scripts/transient_complex.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
 -- Figure 6.7 of the third source: a composed material whose parts both take their delay from a texture.
 
 local x = experiment("transient_complex", { seed = 2 })
 
+x:axis("model", { "hare" })
 x:axis("size", { 128 })
 x:axis("samples", { 384 })
 
 x:render(function(p)
   return {
     scene = "scenes/hare_box.lua",
-    scene_options = { hare = "complex" },
+    scene_options = { hare = "complex", bunny = p.model ~= "hare" and p.model or "" },
     view = "hare",
     integrator = "nee",
     resolution = { p.size, p.size },

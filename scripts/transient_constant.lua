@@ -1,6 +1,7 @@
 -- A hare that gives light back after a constant delay c: at once, one, and two units of optical length later.
 --
 --     lumbre run scripts/transient_constant.lua
+--     lumbre run scripts/transient_constant.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
 -- Figure 6.2 of the third source. The walls are lit alike in all three; with c = 2 the hare is dark while they shine, and
 -- shows at an optical length of 2 + t what it shows at t without a delay. The still pictures are the same.
@@ -11,12 +12,14 @@
 local x = experiment("transient_constant", { seed = 2 })
 
 x:axis("c", { 0, 1, 2 })
+x:axis("model", { "hare" })
 x:axis("size", { 96 })
 x:axis("samples", { 256 })
 
 x:render(function(p)
   return {
     scene = "scenes/hare_box.lua",
+    scene_options = { bunny = p.model ~= "hare" and p.model or "" },
     view = "front",
     integrator = "nee",
     resolution = { p.size, p.size },

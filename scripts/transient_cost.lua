@@ -1,6 +1,7 @@
 -- What time costs: render time against samples without a time axis, with one, and with separable and composed materials.
 --
 --     lumbre run scripts/transient_cost.lua
+--     lumbre run scripts/transient_cost.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
 -- Figure 6.9 of the third source. `film` compares the picture alone with a film of 300 bins; `separable` and `composed` are
 -- films of the same bins with a hare that gives light back late. The curves should lie close to one another.
@@ -8,6 +9,7 @@
 local x = experiment("transient_cost", { seed = 2, repeats = 3 })
 
 x:axis("kind", { "picture", "film", "separable", "composed" })
+x:axis("model", { "hare" })
 x:axis("integrator", { "nee" })
 x:axis("samples", { 16, 32, 64 })
 
@@ -15,7 +17,7 @@ x:render(function(p)
   local time = { time = { start = 4, bin = 0.03, bins = 300 } }
   return {
     scene = "scenes/hare_box.lua",
-    scene_options = { hare = p.kind == "composed" and "chlorophyll" or "plain" },
+    scene_options = { hare = p.kind == "composed" and "chlorophyll" or "plain", bunny = p.model ~= "hare" and p.model or "" },
     view = "front",
     integrator = p.integrator,
     resolution = { 128, 128 },

@@ -1,6 +1,7 @@
 -- A hare that gives light back with Epanechnikov's profile, which is a parabola of mean mu and half extent sigma.
 --
 --     lumbre run scripts/transient_epanechnikov.lua
+--     lumbre run scripts/transient_epanechnikov.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
 -- Figure 6.4 of the third source: (0.5, 0.1) is nearly a constant delay, (0.5, 0.5) spreads it, (0.1, 0.1) is nearly none.
 -- Its density is 3 / (4 sigma) (1 - ((x - mu) / sigma)^2); the source leaves out the sigma under the line.
@@ -8,12 +9,14 @@
 local x = experiment("transient_epanechnikov", { seed = 2 })
 
 x:axis({ "mu", "sigma" }, zip({ 0.5, 0.5, 0.1 }, { 0.1, 0.5, 0.1 }))
+x:axis("model", { "hare" })
 x:axis("size", { 96 })
 x:axis("samples", { 256 })
 
 x:render(function(p)
   return {
     scene = "scenes/hare_box.lua",
+    scene_options = { bunny = p.model ~= "hare" and p.model or "" },
     view = "front",
     integrator = "nee",
     resolution = { p.size, p.size },

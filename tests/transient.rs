@@ -7,6 +7,8 @@ mod common;
 
 #[path = "transient/arrival.rs"]
 mod arrival;
+#[path = "transient/bunny.rs"]
+mod bunny;
 #[path = "transient/composed.rs"]
 mod composed;
 #[path = "transient/loaders.rs"]

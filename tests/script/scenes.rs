@@ -207,6 +207,22 @@ fn other_scenes_are_taken_in_with_their_materials() {
 }
 
 #[test]
+fn meshes_without_texture_coordinates_can_have_them_projected() {
+    let uvs = |options: &str, corners: &str| {
+        let f = folder(&format!("s:import(\"m.obj\", {{ {options} }})"));
+        f.put("m.obj", &format!("v -1 2 0\nv 3 2 5\nv -1 4 9\nvt 0.5 0.5\nf {corners}\n"));
+        let s = read(&f, &[]).unwrap();
+        let (c, _) = compile(&s).unwrap();
+        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|corner| c.uv_at(0, corner).first)
+    };
+    assert_eq!(uvs("project = \"plane\"", "1 2 3"), [Vec2::ZERO, Vec2::X, Vec2::new(0.0, 0.5)]);
+    assert_eq!(uvs("project = \"plane\"", "1/1 2/1 3/1"), [Vec2::splat(0.5); 3], "what a file has stays");
+    assert_eq!(uvs("", "1 2 3"), [Vec2::ZERO; 3]);
+    let said = read(&folder("s:import(\"m.obj\", { project = \"plan\" })"), &[]).unwrap_err().to_string();
+    assert!(said.contains("none, plane"), "{said}");
+}
+
+#[test]
 fn chance_is_the_same_every_time_and_spreads() {
     let body = "local r = random(7)
 for _, at in ipairs(scatter { size = { 10, 10 }, count = 200, seed = 3 }) do

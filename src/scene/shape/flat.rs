@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
-use super::{Shape, ShapeError, at_least, positive, room};
+use super::{MeshDesc, Shape, ShapeError, at_least, mesh_hash, positive, room};
 
 /// A rectangle about the origin in the plane y = 0, `size` long along x and z, of `cells` quads each way. Texture
 /// coordinates run over it once: u along x, v against z.
@@ -80,4 +80,16 @@ pub fn disk(radius: f32, segments: u32) -> Result<Shape, ShapeError> {
         shape.triangles.push([0, 1 + (i + 1) % segments, 1 + i]);
     }
     Ok(shape)
+}
+
+/// A mesh with texture coordinates as if it were seen along z: x and y from the lower corner of its box, over the greater
+/// of the box's two sides, so that they lie in 0..=1 and nothing is drawn out.
+pub fn projected(mesh: &MeshDesc) -> MeshDesc {
+    let flat = mesh.positions.iter().map(|p| Vec2::new(p.x, p.y));
+    let low = flat.clone().fold(Vec2::INFINITY, Vec2::min);
+    let size = (flat.clone().fold(Vec2::NEG_INFINITY, Vec2::max) - low).max_element();
+    let scale = if size > 0.0 { size.recip() } else { 0.0 };
+    let mut mesh = MeshDesc { uvs: flat.map(|p| (p - low) * scale).collect(), ..mesh.clone() };
+    mesh.content_hash = mesh_hash(&mesh);
+    mesh
 }

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use glam::{Affine3A, Vec2, Vec3};
 
 pub use curve::{lathe, torus, tube};
-pub use flat::{disk, grid, heightfield};
+pub use flat::{disk, grid, heightfield, projected};
 pub use outline::extrude;
 pub use solid::{cuboid, icosphere};
 

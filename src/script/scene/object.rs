@@ -14,7 +14,7 @@ use crate::scene::desc::{
     CameraDesc, ConeDesc, ConeEdge, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
     MeshDesc, Optics, ShapeDesc, mesh_hash,
 };
-use crate::scene::load;
+use crate::scene::{load, shape};
 use crate::script::api::{self, ApiFn, Args, Param, kind};
 use crate::script::error::{Problem, ScriptError};
 use crate::script::state::{Purpose, Shared};
@@ -123,6 +123,12 @@ const IMPORT: Table = Table {
         Field::optional("material", Ty::Str, "its own", "one material of this scene for all of it"),
         Field::optional("place", Ty::Object("Place"), "as it is", "where it stands"),
         Field::optional("lights", Ty::Bool, "false", "whether its lights and environment come too"),
+        Field::optional(
+            "project",
+            Ty::Word(&["none", "plane"]),
+            "none",
+            "texture coordinates for its meshes that bring none: `plane` takes x and y, over the mesh's larger extent",
+        ),
     ],
 };
 
@@ -484,6 +490,11 @@ fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     let first = renamed.values().next().cloned();
     for mut entity in other.entities {
         entity.transform.frame = frame * entity.transform.frame;
+        if let (Some("plane"), ShapeDesc::Mesh(mesh)) = (text("project"), &entity.shape)
+            && mesh.uvs.is_empty()
+        {
+            entity.shape = ShapeDesc::Mesh(Arc::new(shape::projected(mesh)));
+        }
         entity.material = match (text("material"), &entity.material, &entity.shape) {
             (Some(material), _, _) => Some(material.to_owned()),
             (None, Some(own), _) => renamed.get(own).cloned().or_else(|| first.clone()),
