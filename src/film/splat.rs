@@ -172,6 +172,28 @@ impl SplatSums {
         SplatSums { stripes: (0..pixels.div_ceil(STRIPE)).map(|_| Mutex::default()).collect(), pixels }
     }
 
+    /// How many stripes there are.
+    pub fn stripes(&self) -> usize {
+        self.stripes.len()
+    }
+
+    /// Has the memory of a stripe ready, so that nobody waits for it when something lands there first.
+    pub fn reserve(&self, stripe: usize) {
+        let mut stripe = self.stripe(stripe);
+        if stripe.capacity() < STRIPE {
+            // Memory that was only asked for comes when it is written to.
+            stripe.resize(STRIPE, Wide { sum: [1; 3], square: [1; 3] });
+            stripe.clear();
+        }
+    }
+
+    /// Sums of nothing again, in the same memory.
+    pub fn clear(&mut self) {
+        for stripe in &mut self.stripes {
+            stripe.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+        }
+    }
+
     /// A stripe's sums. A thread that died has left every one of them as good as any.
     fn stripe(&self, index: usize) -> MutexGuard<'_, Vec<Wide>> {
         self.stripes[index].lock().unwrap_or_else(PoisonError::into_inner)

@@ -145,7 +145,8 @@ pub const SPLAT_BYTES_PER_SLOT: u64 = 96;
 /// The most bytes that the sums of one run with a time axis may take: 12 GiB.
 pub const MAX_BYTES: u64 = 12 << 30;
 
-/// Up to so many bytes of own sums the CPU has in memory before a run's clock starts, and keeps for later runs: 1 GiB.
+/// Up to so many bytes of sums the CPU has in memory before a run's clock starts, and keeps for later runs: 1 GiB. Those of
+/// splats come second: they are had beforehand where all of it fits.
 pub const MAX_KEPT_BYTES: u64 = 1 << 30;
 
 /// The most bytes that sums with a time axis take: beyond [`MAX_KEPT_BYTES`] those of slots that light never reaches are not

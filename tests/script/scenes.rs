@@ -210,7 +210,7 @@ fn other_scenes_are_taken_in_with_their_materials() {
 fn meshes_without_texture_coordinates_can_have_them_projected() {
     let uvs = |options: &str, corners: &str| {
         let f = folder(&format!("s:import(\"m.obj\", {{ {options} }})"));
-        f.put("m.obj", &format!("v -1 2 0\nv 3 2 5\nv -1 4 9\nvt 0.5 0.5\nf {corners}\n"));
+        f.put("m.obj", format!("v -1 2 0\nv 3 2 5\nv -1 4 9\nvt 0.5 0.5\nf {corners}\n"));
         let s = read(&f, &[]).unwrap();
         let (c, _) = compile(&s).unwrap();
         [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|corner| c.uv_at(0, corner).first)

@@ -2,14 +2,16 @@
 //!
 //! A system hands memory out page by page as it is first written to, which takes many times as long as clearing what is
 //! there. So that no run has that on its clock, and none more than another, bins are written to before the clock starts, and
-//! what a run leaves is the next one's. Of films beyond [`MAX_KEPT_BYTES`] pages come as light reaches them, if it does.
+//! what a run leaves is the next one's. Of films beyond [`MAX_KEPT_BYTES`] pages come as light reaches them, if it does; where
+//! only the sums of splats go beyond it, that is so for them.
 
 use std::mem::take;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::film::time::{BYTES_PER_SLOT, MAX_KEPT_BYTES};
+use crate::film::splat::SplatSums;
+use crate::film::time::{BYTES_PER_SLOT, MAX_KEPT_BYTES, SPLAT_BYTES_PER_SLOT};
 
 /// Slots that a thread clears at a time: 576 KiB.
 const CLEARED: usize = 1 << 14;
@@ -22,19 +24,30 @@ static LEFT: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
 pub(super) struct Bins {
     pub(super) sum: Vec<[f64; 3]>,
     pub(super) square: Vec<[f32; 3]>,
+    /// Those of splats, in the same order, if they land and their memory is had beforehand.
+    pub(super) splats: Option<SplatSums>,
 }
 
 impl Bins {
-    /// So many slots of nothing, cleared by the threads of the pool in which this is called.
-    pub(super) fn new(slots: usize) -> Bins {
-        let mut bins = from(&mut LEFT.lock().unwrap_or_else(PoisonError::into_inner), slots)
-            .unwrap_or_else(|| Bins { sum: vec![[0.0; 3]; slots], square: vec![[0.0; 3]; slots] });
-        if bins.bytes() <= MAX_KEPT_BYTES {
+    /// So many slots of nothing, on which splats may land, made ready by the threads of the pool in which this is called.
+    pub(super) fn new(slots: usize, landing: bool) -> Bins {
+        let ready = landing && bytes(slots, true) <= MAX_KEPT_BYTES;
+        let mut bins =
+            from(&mut LEFT.lock().unwrap_or_else(PoisonError::into_inner), slots, ready).unwrap_or_else(|| Bins {
+                sum: vec![[0.0; 3]; slots],
+                square: vec![[0.0; 3]; slots],
+                splats: ready.then(|| SplatSums::new(slots)),
+            });
+        if bytes(slots, false) <= MAX_KEPT_BYTES {
             let pieces = bins.sum.par_chunks_mut(CLEARED).zip(bins.square.par_chunks_mut(CLEARED));
             pieces.for_each(|(sum, square)| {
                 sum.fill([0.0; 3]);
                 square.fill([0.0; 3]);
             });
+        }
+        if let Some(splats) = &mut bins.splats {
+            splats.clear();
+            (0..splats.stripes()).into_par_iter().for_each(|stripe| splats.reserve(stripe));
         }
         bins
     }
@@ -46,8 +59,13 @@ impl Bins {
 
     /// Bytes that it takes.
     fn bytes(&self) -> u64 {
-        self.sum.len() as u64 * BYTES_PER_SLOT
+        bytes(self.sum.len(), self.splats.is_some())
     }
+}
+
+/// Bytes of so many slots, with those of splats or without.
+fn bytes(slots: usize, splats: bool) -> u64 {
+    slots as u64 * (BYTES_PER_SLOT + u64::from(splats) * SPLAT_BYTES_PER_SLOT)
 }
 
 /// Bytes that were left and are there for runs to come.
@@ -55,19 +73,22 @@ pub fn kept_bytes() -> u64 {
     LEFT.lock().unwrap_or_else(PoisonError::into_inner).iter().map(Bins::bytes).sum()
 }
 
-/// What was left of this size. If nothing was, a night has gone on to other pictures, and nothing is kept any longer.
-fn from(left: &mut Vec<Bins>, slots: usize) -> Option<Bins> {
-    match left.iter().rposition(|bins| bins.sum.len() == slots) {
+/// What was left of this size and kind. If nothing was, a night has gone on to other pictures, and nothing is kept any longer.
+fn from(left: &mut Vec<Bins>, slots: usize, splats: bool) -> Option<Bins> {
+    match left.iter().rposition(|bins| bins.sum.len() == slots && bins.splats.is_some() == splats) {
         Some(i) => Some(left.remove(i)),
         None => {
-            left.clear();
+            left.retain(|bins| bins.sum.len() == slots);
             None
         }
     }
 }
 
-/// Keeps bins, if there is room for them.
-fn to(left: &mut Vec<Bins>, bins: Bins) {
+/// Keeps bins, if there is room for them; without their splats, if that helps.
+fn to(left: &mut Vec<Bins>, mut bins: Bins) {
+    if bins.bytes() > MAX_KEPT_BYTES {
+        bins.splats = None;
+    }
     let bytes = left.iter().map(Bins::bytes).sum::<u64>() + bins.bytes();
     if bytes <= MAX_KEPT_BYTES {
         left.push(bins);
@@ -79,7 +100,7 @@ mod tests {
     use super::*;
 
     fn bins(slots: usize) -> Bins {
-        Bins { sum: vec![[1.0; 3]; slots], square: vec![[1.0; 3]; slots] }
+        Bins { sum: vec![[1.0; 3]; slots], square: vec![[1.0; 3]; slots], splats: None }
     }
 
     #[test]
@@ -88,18 +109,26 @@ mod tests {
         to(&mut left, bins(8));
         to(&mut left, bins(9));
         to(&mut left, bins(8));
-        assert_eq!(from(&mut left, 8).map(|bins| bins.square.len()), Some(8));
+        assert_eq!(from(&mut left, 8, false).map(|bins| bins.square.len()), Some(8));
         assert_eq!(left.iter().map(|bins| bins.sum.len()).collect::<Vec<_>>(), [8, 9]);
-        assert!(from(&mut left, 7).is_none() && left.is_empty());
+        // Another technique beside the first in turn ends nothing.
+        assert!(from(&mut left, 8, true).is_none() && left.len() == 1);
+        to(&mut left, Bins { splats: Some(SplatSums::new(8)), ..bins(8) });
+        assert!(from(&mut left, 8, true).is_some_and(|bins| bins.splats.is_some()) && left.len() == 1);
+        assert!(from(&mut left, 7, false).is_none() && left.is_empty());
     }
 
     #[test]
     fn no_more_is_kept_than_there_is_room_for() {
         let half = (MAX_KEPT_BYTES / BYTES_PER_SLOT / 2) as usize;
-        let mut left = Vec::new();
         // Nothing is written to them, so that they take no memory.
-        (0..3).for_each(|_| to(&mut left, Bins { sum: vec![[0.0; 3]; half], square: Vec::new() }));
+        let large = || Bins { sum: vec![[0.0; 3]; half], square: Vec::new(), splats: None };
+        let mut left = Vec::new();
+        (0..3).for_each(|_| to(&mut left, large()));
         assert_eq!(left.len(), 2);
+        left.clear();
+        to(&mut left, Bins { splats: Some(SplatSums::new(half)), ..large() });
+        assert!(left.len() == 1 && left[0].splats.is_none());
     }
 
     #[test]
@@ -107,9 +136,13 @@ mod tests {
         // A size that no other test has.
         let slots = 3 * CLEARED + 17;
         for _ in 0..2 {
-            let mut own = Bins::new(slots);
+            let mut own = Bins::new(slots, true);
             assert!((own.sum.len(), own.square.len()) == (slots, slots));
             assert!(own.sum.iter().all(|v| *v == [0.0; 3]) && own.square.iter().all(|v| *v == [0.0; 3]));
+            let splats = own.splats.as_ref().unwrap();
+            splats.each(|i, _, _| panic!("something has landed on {i}"));
+            assert!(splats.add(slots - 1, [1.0; 3]) && splats.sum(slots - 1) == [1.0; 3]);
+            assert_eq!(splats.sum(slots - 2), [0.0; 3], "what was written to have the memory is gone");
             own.sum.fill([1.0; 3]);
             own.square.fill([1.0; 3]);
             own.leave();

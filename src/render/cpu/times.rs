@@ -20,7 +20,7 @@ use crate::transport::flight::Timing;
 pub(super) struct TimeSums {
     timing: Timing,
     bins: Bins,
-    /// From the first splat on, in the same order.
+    /// In the same order; from the first splat on, where their memory was not had beforehand.
     splats: OnceLock<SplatSums>,
 }
 
@@ -40,7 +40,9 @@ impl TimeSums {
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         bytes(&timing.axis, pixels, job.integrator.splats)?;
         let n = pixels as usize * timing.axis.slots();
-        Ok(Some(TimeSums { timing: timing.clone(), bins: Bins::new(n), splats: OnceLock::new() }))
+        let mut bins = Bins::new(n, job.integrator.splats);
+        let splats = bins.splats.take().map_or_else(OnceLock::new, OnceLock::from);
+        Ok(Some(TimeSums { timing: timing.clone(), bins, splats }))
     }
 
     /// The sums of every row of pixels, each to be taken by whoever renders it, and where splats go. Without a time axis
@@ -48,7 +50,7 @@ impl TimeSums {
     pub(super) fn rows(times: &mut Option<TimeSums>, height: u32) -> (Vec<Option<TimeRow<'_>>>, Option<Landing<'_>>) {
         match times {
             None => ((0..height).map(|_| None).collect(), None),
-            Some(TimeSums { timing, bins: Bins { sum, square }, splats }) => {
+            Some(TimeSums { timing, bins: Bins { sum, square, .. }, splats }) => {
                 let n = sum.len();
                 let row = (n / (height as usize).max(1)).max(1);
                 let rows = sum.chunks_mut(row).zip(square.chunks_mut(row));
@@ -152,6 +154,7 @@ impl TimeSums {
 
 impl Drop for TimeSums {
     fn drop(&mut self) {
+        self.bins.splats = self.splats.take();
         self.bins.leave();
     }
 }
