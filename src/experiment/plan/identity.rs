@@ -16,6 +16,7 @@ use super::{Plan, RunId};
 use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue};
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
+use crate::transport::delay;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::integrator::external::PYTHON;
 use crate::transport::sampler::SamplerRow;
@@ -108,10 +109,18 @@ pub(super) fn picture(
     let films: Vec<Value> = config.films.iter().map(|layer| layer.row().name.into()).collect();
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
     let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
+    let delays = film.is_some().then_some(("delays", Value::Int(i64::from(delay::REVISION))));
     // Left out where it is as by default, for the same reason. It changes no picture, but what a run measures.
     let accel = config.accel.identity();
     let accel = (!accel.is_empty()).then_some(("accel", Value::Map(accel)));
-    fields.into_iter().chain(films).chain(film).chain(accel).map(|(key, value)| (key.to_owned(), value)).collect()
+    fields
+        .into_iter()
+        .chain(films)
+        .chain(film)
+        .chain(delays)
+        .chain(accel)
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect()
 }
 
 /// A picture with its seed and end.

@@ -13,3 +13,7 @@
 mod profile;
 
 pub use profile::{Profile, at, sample_all};
+
+/// Raised with every change of the bits of delays, so that films with a time axis are rendered again. 2: exponential delays
+/// are logarithms of `1 - u`, which differ from those of `1 + x` in their last digit.
+pub const REVISION: u32 = 2;
