@@ -6,6 +6,7 @@ use glam::Vec3;
 use lumbre::film::time::TimeAxis;
 use lumbre::render::vulkan::device::{self, Caps, Device};
 use lumbre::render::vulkan::instance;
+use lumbre::render::vulkan::program::Kind;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{DelayProfile, Delays, Part};
 use lumbre::scene::desc::{DelayDesc, DelayKind};
@@ -37,6 +38,12 @@ pub fn exact() -> Option<Arc<Device>> {
     let device = device()?;
     let caps = Caps { float_atomics: false, ..device.info.caps };
     Some(Arc::clone(SHARED.get_or_init(|| Device::open(device.info.clone(), caps).unwrap())))
+}
+
+/// The kind on which tests render that are not about kinds. What a software driver compiles takes nearly all of their time, and
+/// it compiles ray-tracing pipelines four to six times as fast as compute shaders, which are one function to it.
+pub fn quick(device: &Device) -> Kind {
+    if Kind::Pipeline.lacking(&device.info.caps).is_none() { Kind::Pipeline } else { Kind::Compute }
 }
 
 /// A time axis without anything special.

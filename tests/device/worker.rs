@@ -12,12 +12,13 @@ use super::harness;
 
 const SCENE: &str = include_str!("../common/ball.scn");
 
-/// Two cells of a second or so each, with a checkpoint many times a second.
+/// Two cells of a second or so each, with a checkpoint many times a second. One technique, whose shader every new worker finds
+/// in the cache of a software driver, so that it is killed while it renders and not while it compiles.
 const SCRIPT: &str = r#"
 local x = experiment("frail", { seed = 7 })
-x:axis("technique", { "bpt", "nee" })
+x:axis("depth", { 3, 4 })
 x:checkpoint(0.05)
-x:render(function(p) return { scene = "ball.scn", integrator = p.technique, backend = "vulkan-compute", resolution = { 32, 20 },
+x:render(function(p) return { scene = "ball.scn", integrator = "bpt", max_depth = p.depth, backend = "vulkan-compute", resolution = { 32, 20 },
     films = { "depth" } } end)
 x:stop(function(p) return stop.samples(600) end)
 return x
@@ -32,7 +33,7 @@ fn start(place: &Path) -> Child {
     command.stdout(Stdio::null()).stderr(std::fs::File::create(place.join("said")).unwrap()).spawn().unwrap()
 }
 
-/// The pictures that a night has left, by technique: final, and its films by depth.
+/// The pictures that a night has left: of every cell the final one, and its films by depth.
 fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
     let (mut open, mut found) = (vec![place.join("out")], Vec::new());
     while let Some(folder) = open.pop() {
@@ -69,7 +70,7 @@ fn a_night_whose_worker_is_killed_at_random_instants_leaves_the_same_pictures() 
     let whole = tempfile::tempdir().unwrap();
     assert!(start(whole.path()).wait().unwrap().success(), "{:?}", std::fs::read_to_string(whole.path().join("said")));
     let expected = pictures(whole.path());
-    assert!(expected.len() >= 2 * (1 + 4), "{expected:?}");
+    assert!(expected.len() >= (1 + 3) + (1 + 4), "{expected:?}");
     let frail = tempfile::tempdir().unwrap();
     let mut night = start(frail.path());
     let (mut kills, mut pause) = (0, 0u32);

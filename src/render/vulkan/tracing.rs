@@ -35,7 +35,7 @@ pub struct Shaders {
     pub intersection: Vec<u32>,
 }
 
-/// A ray-tracing pipeline with its table: ray generation, miss, hits of triangles, hits of spheres.
+/// A ray-tracing pipeline with its table: ray generation and, where rays are traced, miss, hits of triangles, hits of spheres.
 pub struct Tracing {
     device: Arc<Device>,
     pipeline: Pipeline,
@@ -56,8 +56,6 @@ impl Tracing {
         bindings: &Bindings,
         push: u32,
     ) -> Result<Tracing, VulkanError> {
-        let lacks = || VulkanError::Lacks { device: device.info.line(), needed: "ray-tracing pipelines".to_owned() };
-        let tracing = device.tracing.as_ref().ok_or_else(lacks)?;
         let shaders = [
             (&shaders.generation[..], vk::ShaderStageFlags::RAYGEN_KHR),
             (&shaders.miss, vk::ShaderStageFlags::MISS_KHR),
@@ -66,14 +64,6 @@ impl Tracing {
             (&shaders.any, vk::ShaderStageFlags::ANY_HIT_KHR),
             (&shaders.intersection, vk::ShaderStageFlags::INTERSECTION_KHR),
         ];
-        let group = |kind: vk::RayTracingShaderGroupTypeKHR| {
-            vk::RayTracingShaderGroupCreateInfoKHR::default()
-                .ty(kind)
-                .general_shader(vk::SHADER_UNUSED_KHR)
-                .closest_hit_shader(vk::SHADER_UNUSED_KHR)
-                .any_hit_shader(vk::SHADER_UNUSED_KHR)
-                .intersection_shader(vk::SHADER_UNUSED_KHR)
-        };
         let groups = [
             group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(0),
             group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(1),
@@ -83,7 +73,37 @@ impl Tracing {
                 .any_hit_shader(4)
                 .intersection_shader(5),
         ];
-        let pipeline = Pipeline::of(bindings, name, &shaders.map(|(words, _)| words), (STAGES, push), |layout| {
+        Tracing::of(device, name, &shaders, &groups, bindings, push)
+    }
+
+    /// Makes a pipeline of nothing but ray generation, which traces no rays.
+    ///
+    /// # Errors
+    /// As [`Tracing::new`].
+    pub fn alone(
+        device: &Arc<Device>,
+        name: &str,
+        generation: &[u32],
+        bindings: &Bindings,
+        push: u32,
+    ) -> Result<Tracing, VulkanError> {
+        let shaders = [(generation, vk::ShaderStageFlags::RAYGEN_KHR)];
+        let groups = [group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(0)];
+        Tracing::of(device, name, &shaders, &groups, bindings, push)
+    }
+
+    fn of(
+        device: &Arc<Device>,
+        name: &str,
+        shaders: &[(&[u32], vk::ShaderStageFlags)],
+        groups: &[vk::RayTracingShaderGroupCreateInfoKHR<'_>],
+        bindings: &Bindings,
+        push: u32,
+    ) -> Result<Tracing, VulkanError> {
+        let lacks = || VulkanError::Lacks { device: device.info.line(), needed: "ray-tracing pipelines".to_owned() };
+        let tracing = device.tracing.as_ref().ok_or_else(lacks)?;
+        let words: Vec<&[u32]> = shaders.iter().map(|(words, _)| *words).collect();
+        let pipeline = Pipeline::of(bindings, name, &words, (STAGES, push), |layout| {
             let modules: Vec<(Module, vk::ShaderStageFlags)> = shaders
                 .iter()
                 .map(|(words, stage)| Ok((Module::new(device, name, words)?, *stage)))
@@ -91,7 +111,7 @@ impl Tracing {
             let stages: Vec<_> = modules.iter().map(|(module, stage)| module.stage(*stage)).collect();
             let info = vk::RayTracingPipelineCreateInfoKHR::default()
                 .stages(&stages)
-                .groups(&groups)
+                .groups(groups)
                 .max_pipeline_ray_recursion_depth(1)
                 .layout(layout);
             // SAFETY: modules and layout live through the call.
@@ -119,6 +139,16 @@ impl Tracing {
             tracing.cmd_trace_rays(commands, generation, miss, hit, callable, size[0], size[1], 1);
         }
     }
+}
+
+/// A group of no shaders yet.
+fn group(kind: vk::RayTracingShaderGroupTypeKHR) -> vk::RayTracingShaderGroupCreateInfoKHR<'static> {
+    vk::RayTracingShaderGroupCreateInfoKHR::default()
+        .ty(kind)
+        .general_shader(vk::SHADER_UNUSED_KHR)
+        .closest_hit_shader(vk::SHADER_UNUSED_KHR)
+        .any_hit_shader(vk::SHADER_UNUSED_KHR)
+        .intersection_shader(vk::SHADER_UNUSED_KHR)
 }
 
 /// A table of shaders, as the device wants it aligned.
@@ -161,12 +191,11 @@ impl Table {
                 .stride(stride)
                 .size(records * stride)
         };
-        let regions = [
-            region(offsets[0], 1),
-            region(offsets[1], 1),
-            region(offsets[2], 2),
-            vk::StridedDeviceAddressRegionKHR::default(),
-        ];
+        let nothing = vk::StridedDeviceAddressRegionKHR::default();
+        let regions = match groups {
+            1 => [region(offsets[0], 1), nothing, nothing, nothing],
+            _ => [region(offsets[0], 1), region(offsets[1], 1), region(offsets[2], 2), nothing],
+        };
         Ok(Table { buffer, regions })
     }
 }

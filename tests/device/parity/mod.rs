@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use lumbre::film::layer::Layout;
 use lumbre::render::Job;
-use lumbre::render::vulkan::kernel;
+use lumbre::render::vulkan::kernel::{self, Stage};
 use lumbre::render::vulkan::spirv::Sources;
 use lumbre::render::vulkan::upload::{JobBuffers, SceneBuffers};
 use lumbre::scene::CompiledScene;
@@ -172,11 +172,11 @@ fn every_twin_says_what_its_original_says() {
         let inputs = (twin.inputs)();
         assert!(!inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words), "{}: inputs", twin.name);
         let words = [twin.in_words, twin.near.len()];
-        let name = format!("{}.comp", twin.name);
         let second = ("SECOND_UVS", String::new());
         let defines: Vec<_> = Some(second).into_iter().filter(|_| !scene.second_uvs.is_empty()).collect();
-        let answers = kernel::compile(&Sources::Embedded, &name, twin.text, words[0], words[1], &defines)
-            .and_then(|spirv| kernel::run(&device, (&buffers.0, &buffers.1), &spirv, &inputs, words))
+        let stage = Stage::of(&device);
+        let answers = kernel::compile(stage, &Sources::Embedded, twin.name, twin.text, words, &defines)
+            .and_then(|spirv| kernel::run(&device, stage, (&buffers.0, &buffers.1), &spirv, &inputs, words))
             .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
         let wrong = differences(twin, &inputs, &answers, &scene, &job);
         if !wrong.is_empty() {
@@ -215,13 +215,15 @@ fn a_twin_that_is_wrong_is_found() {
         JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
     );
     let inputs = (twin.inputs)();
-    let wrong = |text: &str| {
-        let spirv = kernel::compile(&Sources::Embedded, "echo.comp", text, 1, 1, &[]).unwrap();
-        let answers = kernel::run(&device, (&buffers.0, &buffers.1), &spirv, &inputs, [1, 1]).unwrap();
+    let wrong = |stage: Stage, text: &str| {
+        let spirv = kernel::compile(stage, &Sources::Embedded, "echo", text, [1, 1], &[]).unwrap();
+        let answers = kernel::run(&device, stage, (&buffers.0, &buffers.1), &spirv, &inputs, [1, 1]).unwrap();
         differences(&twin, &inputs, &answers, &scene, &job).len()
     };
-    assert_eq!(wrong(twin.text), inputs.len());
-    assert_eq!(wrong("void twin() { out_word(in_word()); }"), 0);
+    for stage in [Stage::Compute, Stage::of(&device)] {
+        assert_eq!(wrong(stage, twin.text), inputs.len());
+        assert_eq!(wrong(stage, "void twin() { out_word(in_word()); }"), 0);
+    }
 }
 
 #[test]
