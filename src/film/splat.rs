@@ -11,6 +11,7 @@ use std::io::{self, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::state::{Misfit, Saved, write_words};
+use crate::math::prefetch::prefetch;
 
 /// The greatest absolute value of one splat: 2^32. Greater ones are refused, like infinite ones.
 pub const MAX_SPLAT: f32 = 4_294_967_296.0;
@@ -30,24 +31,6 @@ const BUFFERED: usize = 1 << 16;
 
 /// So many splats before it is needed, a pixel's sums are fetched: about as long as memory takes.
 const AHEAD: usize = 8;
-
-/// Asks for what will be needed soon.
-#[inline]
-#[cfg_attr(target_arch = "x86_64", expect(unsafe_code, reason = "a hint to the processor that takes an address"))]
-fn prefetch(wide: &Wide) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let start = std::ptr::from_ref(wide).cast::<i8>();
-        // SAFETY: both addresses lie in what is borrowed, and nothing is read.
-        unsafe {
-            _mm_prefetch::<_MM_HINT_T0>(start);
-            _mm_prefetch::<_MM_HINT_T0>(start.add(size_of::<Wide>() - 1));
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = wide;
-}
 
 /// Mantissa and exponent of a finite number's absolute value: `m 2^e`.
 #[inline]

@@ -5,6 +5,7 @@ pub mod distribution;
 pub mod elementary;
 pub mod frame;
 pub mod piecewise;
+pub mod prefetch;
 pub mod rng;
 pub mod stats;
 pub mod student;

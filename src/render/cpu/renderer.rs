@@ -209,7 +209,7 @@ impl Renderer for CpuRenderer {
                             value += c.value;
                             invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
                             if let Some(by_time) = &mut by_time {
-                                by_time.own(&c);
+                                by_time.own(x, &c);
                             }
                         } else {
                             let inside = c.pixel[0] < width && c.pixel[1] < height;

@@ -12,6 +12,7 @@ use crate::film::Film;
 use crate::film::splat::{self, SplatSums};
 use crate::film::state::{Misfit, Saved, write_words};
 use crate::film::time::{TimeCube, bytes, total};
+use crate::math::prefetch::prefetch;
 use crate::render::Job;
 use crate::transport::contribution::Contribution;
 use crate::transport::flight::Timing;
@@ -202,16 +203,20 @@ impl<'a> Gathering<'a> {
         Gathering { timing, row, values: vec![[0.0; 3]; timing.axis.slots()], touched: Vec::new() }
     }
 
-    /// Takes a contribution to the sample's own pixel.
+    /// Takes a contribution to the sample's own pixel, which is in column `x`.
     #[inline]
-    pub(super) fn own(&mut self, c: &Contribution) {
+    pub(super) fn own(&mut self, x: u32, c: &Contribution) {
         let Timing { axis, filter, .. } = self.timing;
         let (values, touched) = (&mut self.values, &mut self.touched);
+        let first = x as usize * values.len();
         let value = c.value.as_dvec3().to_array();
         filter.spread(axis, axis.place(c.length), |slot, share| {
             let sums = &mut values[slot];
             if *sums == [0.0; 3] {
                 touched.push(slot as u32);
+                // Films are larger than caches, and the end of the sample is far away.
+                prefetch(&self.row.sum[first + slot]);
+                prefetch(&self.row.square[first + slot]);
             }
             (0..3).for_each(|c| sums[c] += value[c] * share);
         });
