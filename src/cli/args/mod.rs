@@ -459,8 +459,9 @@ pub struct BenchArgs {
     /// Measure loading a mesh of a million triangles and nothing else
     #[arg(long, conflicts_with_all = ["traversal", "mpaths", "backend"])]
     pub loading: bool,
-    /// Measure what films with a time axis, delays and composed materials cost on the first scene and nothing else
-    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "backend", "loading"])]
+    /// Measure what films with a time axis, delays and composed materials cost on the first scene and nothing else; with
+    /// `--backend`, on that one
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "loading"])]
     pub time: bool,
     /// Repetitions of every measurement; medians are reported, and the spread of the rates
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]

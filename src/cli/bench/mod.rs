@@ -63,6 +63,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         let found = loading::Loading::measure(repeats)?;
         return Ok(Report { text: found.table(), json: json!({ "loading": found.to_json() }) });
     }
+    let cpu = ["cpu".to_owned()];
     let built_in = BuiltIn::unpack()?;
     let mut scenes: Vec<(String, PathBuf)> = Vec::new();
     if !args.only {
@@ -71,7 +72,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
     if let (true, Some((_, first))) = (args.time, scenes.first()) {
         say("measuring what time costs");
-        let costs = time::measure(first, repeats)?;
+        let costs = time::measure(first, if args.backend.is_empty() { &cpu } else { &args.backend }, repeats)?;
         return Ok(Report { text: time::table(&costs), json: json!({ "time": time::to_json(&costs) }) });
     }
     if !args.backend.is_empty() {
@@ -132,7 +133,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         text += &format!("\n{}", found.table());
         json["loading"] = found.to_json();
         say("measuring what time costs");
-        let costs = time::measure(first, repeats)?;
+        let costs = time::measure(first, &cpu, repeats)?;
         text += &format!("\n{}", time::table(&costs));
         json["time"] = time::to_json(&costs);
         say("measuring the metrics");

@@ -1,7 +1,7 @@
 //! What time costs: a film with a time axis beside the picture alone, and materials with delays or parts beside plain ones.
 //!
-//! All are the same scene with the same samples, so that what they trace is the same; they take turns on one thread, and
-//! ratios are of one turn. What the first turn takes longer than the others, memory that is touched for the first time above
+//! All are the same scene with the same samples, so that what they trace is the same; they take turns on one thread, or on
+//! the device, and ratios are of one turn. What the first turn takes longer than the others, memory that is touched for the first time above
 //! all, is told apart.
 
 use std::path::Path;
@@ -20,13 +20,14 @@ use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 
 /// Bins of the film.
 const BINS: u32 = 300;
-/// Pixels of the picture.
-const SIZE: [u32; 2] = [160, 120];
+/// Pixels of the picture: so many that the film is larger than caches, and fits into the 128 MiB that every device offers.
+const SIZE: [u32; 2] = [120, 80];
 /// Samples of one turn.
-const SAMPLES: u64 = 8;
+const SAMPLES: u64 = 16;
 
 /// The seconds of an integrator for each of the kinds.
 pub struct Cost {
+    backend: String,
     integrator: &'static str,
     /// In the first turn.
     first: [f64; KINDS.len()],
@@ -49,21 +50,22 @@ const KINDS: [Kind; 4] = [
     Kind { name: "composed", base: 1, film: true, change: composed },
 ];
 
-/// Measures every integrator on a scene.
+/// Measures every integrator on a scene, on these backends.
 ///
 /// # Errors
 /// When it cannot be loaded or rendered, with a message for people.
-pub fn measure(file: &Path, repeats: usize) -> Result<Vec<Cost>, String> {
+pub fn measure(file: &Path, backends: &[String], repeats: usize) -> Result<Vec<Cost>, String> {
     let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
-    INTEGRATORS.iter().map(|row| cost(&desc, row, repeats)).collect()
+    let all = INTEGRATORS.iter().flat_map(|row| backends.iter().map(move |backend| (row, backend)));
+    all.map(|(row, backend)| cost(&desc, row, backend, repeats)).collect()
 }
 
-fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, repeats: usize) -> Result<Cost, String> {
+fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, backend: &str, repeats: usize) -> Result<Cost, String> {
     let mut renderers = Vec::new();
     for kind in &KINDS {
         let mut changed = desc.clone();
         (kind.change)(&mut changed);
-        renderers.push(open(&changed, integrator, kind.film)?);
+        renderers.push(open(&changed, integrator, backend, kind.film)?);
     }
     let mut turns = Vec::new();
     for _ in 0..=repeats {
@@ -74,15 +76,20 @@ fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, repeats: usize) ->
         turns.push(turn);
     }
     let first = turns.remove(0);
-    Ok(Cost { integrator: integrator.name, first, turns })
+    Ok(Cost { backend: backend.to_owned(), integrator: integrator.name, first, turns })
 }
 
-fn open(desc: &SceneDesc, integrator: &'static IntegratorRow, film: bool) -> Result<Box<dyn Renderer>, String> {
+fn open(
+    desc: &SceneDesc,
+    integrator: &'static IntegratorRow,
+    on: &str,
+    film: bool,
+) -> Result<Box<dyn Renderer>, String> {
     let (scene, _) = compile(desc).map_err(|e| e.to_string())?;
     let timing = Timing::plain(TimeAxis { start: 0.0, bin: 0.1, bins: BINS });
     let job = Job { timing: film.then_some(timing), threads: 1, ..Job::plain(integrator, SIZE, scene.max_depth, 1) };
-    let cpu = backend("cpu").ok_or("no cpu backend")?;
-    (cpu.open)(Arc::new(scene), job).map_err(|e| e.to_string())
+    let row = backend(on).ok_or_else(|| format!("there is no backend `{on}`"))?;
+    (row.open)(Arc::new(scene), job).map_err(|e| e.to_string())
 }
 
 /// Gives every surface that does not shine an exponential delay.
@@ -117,7 +124,7 @@ impl Cost {
             let (seconds, ratio) = self.figures(i);
             (kind.name.to_owned(), json!({ "seconds": seconds, "ratio": ratio, "first_s": self.first[i] }))
         });
-        json!({ "integrator": self.integrator, "kinds": kinds.collect::<serde_json::Map<_, _>>() })
+        json!({ "backend": self.backend, "integrator": self.integrator, "kinds": kinds.collect::<serde_json::Map<_, _>>() })
     }
 }
 
@@ -128,14 +135,16 @@ pub fn to_json(costs: &[Cost]) -> Json {
 
 /// The figures for people.
 pub fn table(costs: &[Cost]) -> String {
-    let mut rows =
-        vec![["time", "integrator", "Mpaths/s", "of its base", "base", "first turn"].map(str::to_owned).to_vec()];
+    let mut rows = vec![
+        ["time", "backend", "integrator", "Mpaths/s", "of its base", "base", "first turn"].map(str::to_owned).to_vec(),
+    ];
     let paths = f64::from(SIZE[0] * SIZE[1]) * SAMPLES as f64;
     for cost in costs {
         for (i, kind) in KINDS.iter().enumerate() {
             let (seconds, ratio) = cost.figures(i);
             rows.push(vec![
                 kind.name.to_owned(),
+                cost.backend.clone(),
                 cost.integrator.to_owned(),
                 format!("{:.3}", paths / seconds / 1e6),
                 format!("{ratio:.3}"),
