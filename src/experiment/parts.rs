@@ -185,11 +185,11 @@ impl Joined {
         let part = WaveStats {
             samples: after.samples,
             render_s: after.render_s,
-            device_s: 0.0,
             paths: after.paths,
             rays: after.rays,
             invalid: after.invalid,
             first_invalid: after.first_invalid,
+            ..WaveStats::default()
         };
         let (wall_s, measure_s) = (before.wall_s + after.wall_s, before.measure_s + after.measure_s);
         let joint = Standing { rows: vec![before], part, ..Standing::default() }.close_wave();

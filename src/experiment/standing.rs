@@ -42,6 +42,16 @@ impl Standing {
         self.left = self.left.saturating_sub(stats.samples);
     }
 
+    /// What there is to say of invalid samples in the wave in progress.
+    pub fn invalid_words(&self) -> String {
+        let place = match self.part.first_invalid {
+            Some([x, y, sample]) => format!(", the first at column {x}, row {y}, sample {sample}"),
+            None => String::new(),
+        };
+        let wave = self.rows.len() + 1;
+        format!("{} invalid samples (NaN or infinite) in wave {wave}{place}; they count as black", self.part.invalid)
+    }
+
     /// Ends the wave: its row, without metrics and wall clock.
     pub fn close_wave(&mut self) -> WaveRow {
         let part = std::mem::take(&mut self.part);

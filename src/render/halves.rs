@@ -129,7 +129,8 @@ mod tests {
             self.film.sum[0] = [self.value * self.film.samples as f64; 3];
             self.film.sum2[0] = [self.value * self.value * self.film.samples as f64; 3];
             let first_invalid = Some([self.value as u64, 0, 0]);
-            Ok(WaveStats { samples, render_s: 0.5, device_s: 0.25, paths: samples, rays: 3, invalid: 1, first_invalid })
+            let stats = WaveStats { samples, render_s: 0.5, device_s: 0.25, idle_s: 0.125, ..WaveStats::default() };
+            Ok(WaveStats { paths: samples, rays: 3, invalid: 1, first_invalid, ..stats })
         }
 
         fn film(&self) -> &Film {
@@ -157,6 +158,7 @@ mod tests {
         let counts = |halves: &Halves| halves.halves().unwrap().map(|film| film.samples);
         let wave = halves.advance(4).unwrap();
         assert_eq!((wave.samples, wave.paths, wave.rays, wave.first_invalid), (4, 4, 6, Some([1, 0, 0])));
+        assert_eq!([wave.render_s, wave.device_s, wave.idle_s], [1.0, 0.5, 0.25]);
         assert_eq!((counts(&halves), halves.film().samples), ([3, 2], 5));
         halves.advance(1).unwrap();
         assert_eq!(counts(&halves), [3, 3]);

@@ -92,10 +92,14 @@ impl Job {
 pub struct WaveStats {
     /// Samples added to every pixel.
     pub samples: u64,
-    /// Seconds inside `advance`, monotonic; the only time that counts.
+    /// Seconds that rendering took, monotonic; the only time that counts: the time inside `advance`, or on a device, by its own
+    /// clock, from the beginning of its work on this wave until the sums are in the host's memory.
     pub render_s: f64,
-    /// Seconds of them that a device besides the processor worked, by its own clock; 0 without one.
+    /// Seconds that a device besides the processor worked, by its own clock; 0 without one.
     pub device_s: f64,
+    /// Seconds by its clock from the end of its work for this run before this wave to the beginning of this wave's: it waited for
+    /// the host, or worked for others. 0 without such a device, and for its first wave.
+    pub idle_s: f64,
     /// Camera paths traced.
     pub paths: u64,
     /// Rays traced.
@@ -113,6 +117,7 @@ impl WaveStats {
         self.samples += later.samples;
         self.render_s += later.render_s;
         self.device_s += later.device_s;
+        self.idle_s += later.idle_s;
         self.paths += later.paths;
         self.rays += later.rays;
         self.invalid += later.invalid;
@@ -177,6 +182,17 @@ pub trait Renderer: Send {
     /// # Errors
     /// When the backend fails; the film must then not be used any more.
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError>;
+
+    /// As [`Renderer::advance`]; and some `more` samples are likely to be asked for next, of which a device may do as many as it
+    /// likes while the host looks at the film. Neither that nor what then is asked for changes any bit of what can be seen. The clock
+    /// of whoever uses the same device meanwhile would count it, so that only one may, and 0 has to be said where another's turn
+    /// follows.
+    ///
+    /// # Errors
+    /// As [`Renderer::advance`].
+    fn advance_toward(&mut self, samples: u64, _more: u64) -> Result<WaveStats, RenderError> {
+        self.advance(samples)
+    }
 
     /// The sums so far.
     fn film(&self) -> &Film;

@@ -214,6 +214,7 @@ fn standing(head: &Json) -> Option<Standing> {
             rays: part["rays"].as_u64()?,
             invalid: part["invalid"].as_u64()?,
             first_invalid: place(&part["first_invalid"]),
+            ..WaveStats::default()
         },
         left: head["left"].as_u64()?,
         growth: head["growth"].as_u64()?,

@@ -213,7 +213,7 @@ fn a_new_scene_seed_or_size_makes_no_pipeline_and_going_back_to_a_technique_make
 }
 
 /// What a run has written to go on from.
-fn state(renderer: &VulkanRenderer) -> Vec<u8> {
+pub fn state(renderer: &VulkanRenderer) -> Vec<u8> {
     let mut state = Vec::new();
     assert!(renderer.save(&mut state).unwrap());
     state

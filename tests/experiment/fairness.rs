@@ -46,6 +46,8 @@ struct Machine {
     drift: f64,
     /// Every call of a renderer: its seed and its samples.
     calls: Mutex<Vec<(u64, u64)>>,
+    /// After every call: samples of that run so far, and how many it was told are likely to follow.
+    ahead: Mutex<Vec<(u64, u64)>>,
 }
 
 impl Renderer for Tired {
@@ -58,6 +60,12 @@ impl Renderer for Tired {
             *worked_s += self.sample_s * (1.0 + self.machine.drift * *worked_s);
         }
         Ok(WaveStats { render_s: *worked_s - before_s, ..stats })
+    }
+
+    fn advance_toward(&mut self, samples: u64, more: u64) -> Result<WaveStats, RenderError> {
+        let stats = self.advance(samples)?;
+        self.machine.ahead.lock().unwrap().push((self.film().samples, more));
+        Ok(stats)
     }
 
     fn film(&self) -> &Film {
@@ -126,6 +134,25 @@ fn techniques_of_one_picture_are_one_heat_and_other_pictures_are_others() {
     lab.render = Box::new(|_| Ok(config()));
     assert_eq!(lab.plan().heats(false).concat().len(), 6);
     assert_eq!(lab.plan().heats(false)[1..].concat(), [1, 2, 3, 4, 5], "a run that stands six times races with nobody");
+}
+
+#[test]
+fn a_device_may_go_on_only_with_what_is_asked_for_next() {
+    let heard = |order: Order| {
+        let (.., machine) = night(&lab(order), 0.0);
+        let ahead = machine.ahead.lock().unwrap();
+        ahead.clone()
+    };
+    let alone = heard(Order::Sequential);
+    let ends = alone.iter().filter(|(samples, _)| *samples == 400).count();
+    assert_eq!(ends, 6);
+    for (samples, more) in &alone {
+        // The smoke pass is one sample.
+        assert!(*samples <= 1 || (*more > 0) == (*samples < 400), "{more} more after {samples}");
+        assert!(samples + more <= 400, "{more} more after {samples}");
+    }
+    let turns = heard(Order::Interleave);
+    assert!(turns.len() > 6 && turns.iter().all(|(_, more)| *more == 0), "another's turn follows: {turns:?}");
 }
 
 #[test]

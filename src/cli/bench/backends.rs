@@ -6,9 +6,11 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
+use super::metrics::of_a_night;
 use crate::cli::load;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
+use crate::metrics::gauge::Gauge;
 use crate::render::{Job, backend};
 use crate::scene::load::Missing;
 use crate::scene::{CompiledScene, compile};
@@ -37,11 +39,19 @@ pub struct Row {
     pipeline_s: f64,
     /// Samples of pixels per second, in millions; median.
     mpaths_per_s: f64,
-    /// Share of the time of waves, from asking for one to having its film here, in which the device did not work; nothing
-    /// for the processor itself.
-    host_share: Option<f64>,
-    /// Milliseconds of a wave in which the device did not work, median: they do not depend on how long the wave is.
-    host_ms: Option<f64>,
+    /// How long the device waited for the host; nothing for the processor itself.
+    host: Option<Host>,
+}
+
+/// The time of a device between waves in which it waited for the host, while the picture of each is measured by the metrics of a
+/// night. By the device's clock; medians.
+struct Host {
+    /// Share of its time where it goes on with the next wave meanwhile, as nights let it.
+    share: f64,
+    /// Milliseconds of it for each wave.
+    ms: f64,
+    /// The same where it does not.
+    alone_ms: f64,
 }
 
 /// Measures every integrator on some backends, at `resolution` and depth 5.
@@ -91,16 +101,25 @@ fn one(
         }
         samples *= 2;
     }
-    let (mut rates, mut shares, mut idle) = (Vec::new(), Vec::new(), Vec::new());
-    for _ in 0..repeats {
-        let start = Instant::now();
-        let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
-        let whole = start.elapsed().as_secs_f64();
-        shares.push(1.0 - wave.device_s / whole);
-        idle.push((whole - wave.device_s) * 1e3);
-        rates.push(wave.paths as f64 / wave.render_s / 1e6);
+    let metrics = of_a_night();
+    let gauge = Gauge::new(&metrics, Arc::new(renderer.film().mean()));
+    let mut rates = Vec::new();
+    let (mut shares, mut idle) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
+    let mut device_s = 0.0;
+    for (ahead, more) in [samples, 0].into_iter().enumerate() {
+        // The first of each kind follows one of the other.
+        for round in 0..=repeats {
+            let wave = renderer.advance_toward(samples, more).map_err(|e| e.to_string())?;
+            gauge.eval(&renderer.film().mean()).map_err(|e| e.to_string())?;
+            if round > 0 {
+                shares[ahead].push(wave.idle_s / (wave.idle_s + wave.device_s));
+                idle[ahead].push(wave.idle_s * 1e3);
+                rates.push(wave.paths as f64 / wave.render_s / 1e6);
+                device_s += wave.device_s;
+            }
+        }
     }
-    let share = median(shares);
+    let ([share, _], [ms, alone_ms]) = (shares.map(median), idle.map(median));
     Ok(Row {
         scene: name.to_owned(),
         integrator: integrator.name,
@@ -112,8 +131,7 @@ fn one(
         build_s,
         pipeline_s,
         mpaths_per_s: median(rates),
-        host_share: (share < 1.0).then_some(share),
-        host_ms: (share < 1.0).then(|| median(idle)),
+        host: (device_s > 0.0).then_some(Host { share, ms, alone_ms }),
     })
 }
 
@@ -129,8 +147,9 @@ impl Row {
             "scene": self.scene, "integrator": self.integrator, "backend": self.backend, "device": self.device,
             "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s, "upload_s": self.upload_s,
             "build_s": self.build_s, "pipeline_s": self.pipeline_s,
-            "mpaths_per_s": self.mpaths_per_s, "frames_per_s": self.frames_per_s(), "host_share": self.host_share,
-            "host_ms": self.host_ms,
+            "mpaths_per_s": self.mpaths_per_s, "frames_per_s": self.frames_per_s(),
+            "host_share": self.host.as_ref().map(|host| host.share), "host_ms": self.host.as_ref().map(|host| host.ms),
+            "host_ms_without_going_on": self.host.as_ref().map(|host| host.alone_ms),
         })
     }
 }
@@ -149,9 +168,11 @@ pub fn table(rows: &[Row]) -> String {
         "pipeline s",
         "host %",
         "host ms",
+        "alone ms",
     ];
     let mut lines = vec![head.map(str::to_owned).to_vec()];
     for r in rows {
+        let of_host = |text: fn(&Host) -> String| r.host.as_ref().map_or_else(|| "-".to_owned(), text);
         lines.push(vec![
             r.scene.clone(),
             r.integrator.to_owned(),
@@ -162,8 +183,9 @@ pub fn table(rows: &[Row]) -> String {
             format!("{:.1}", r.upload_s * 1e3),
             format!("{:.1}", r.build_s * 1e3),
             format!("{:.2}", r.pipeline_s),
-            r.host_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1}", share * 100.0)),
-            r.host_ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.1}")),
+            of_host(|host| format!("{:.2}", host.share * 100.0)),
+            of_host(|host| format!("{:.2}", host.ms)),
+            of_host(|host| format!("{:.2}", host.alone_ms)),
         ]);
     }
     let mut devices: Vec<String> = rows.iter().map(|r| format!("{}: {}", r.backend, r.device)).collect();

@@ -50,12 +50,20 @@ pub fn measure(repeats: usize) -> Vec<Row> {
     let alone = |spec: MetricSpec| {
         time(spec.row.name.to_owned(), &|| drop(std::hint::black_box(spec.eval(&image, &reference))))
     };
-    let spec = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).ok();
     let mut rows: Vec<Row> = METRICS.iter().filter_map(|m| spec(m.name)).map(alone).collect();
-    let protocol: Vec<MetricSpec> = PROTOCOL.iter().filter_map(|name| spec(name)).collect();
+    let protocol = of_a_night();
     let gauge = Gauge::new(&protocol, Arc::clone(&reference));
     rows.push(time(PROTOCOL.join(" + "), &|| drop(std::hint::black_box(gauge.eval(&image)))));
     rows
+}
+
+fn spec(name: &str) -> Option<MetricSpec> {
+    MetricSpec::new(name, name, BTreeMap::new()).ok()
+}
+
+/// The metrics that the example of a night measures.
+pub(super) fn of_a_night() -> Vec<MetricSpec> {
+    PROTOCOL.iter().filter_map(|name| spec(name)).collect()
 }
 
 /// Patches of colour under noise of a given seed.

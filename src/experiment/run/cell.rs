@@ -8,7 +8,7 @@ use std::time::Instant;
 use super::checkpoint::Kept;
 use super::night::Night;
 use super::tries::{Broken, Try};
-use super::waves::Waves;
+use super::waves::{Waves, slice};
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::memory;
@@ -184,7 +184,7 @@ impl<'a> Night<'a, '_> {
     pub(super) fn perform(&mut self, work: Work<'a>) -> Ended {
         let mut run = Running::new(work);
         loop {
-            if let Some(outcome) = self.turn(&mut run, true, SLICE_S) {
+            if let Some(outcome) = self.turn(&mut run, true, true) {
                 return self.ended(run, outcome);
             }
         }
@@ -194,9 +194,9 @@ impl<'a> Night<'a, '_> {
     /// next, so that at any moment all have rendered for the same time, and what slows the machine slows all of them.
     /// What the user says of one run is meant for the first, which the dashboard shows.
     pub(super) fn race(&mut self, mut field: Vec<(Running<'a>, Floors)>) {
-        let slice_s = if field.len() > 1 { TURN_S } else { SLICE_S };
+        let alone = field.len() == 1;
         while let Some(next) = furthest_behind(&field) {
-            let Some(outcome) = self.turn(&mut field[next].0, next == 0, slice_s) else { continue };
+            let Some(outcome) = self.turn(&mut field[next].0, next == 0, alone) else { continue };
             let (run, floors) = field.remove(next);
             let cell = run.work.cell;
             let ended = self.ended(run, outcome);
@@ -229,15 +229,16 @@ impl<'a> Night<'a, '_> {
         Ended { outcome, film, layers: Arc::new(layers), times, rows, halves, floors: Floors::default(), open }
     }
 
-    /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`.
-    fn turn(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Option<Outcome> {
+    /// Renders a run for a moment, and says how it ended if it did. Requests for a single run are heard if it `leads`; one that
+    /// is `alone` has the next turn as well.
+    fn turn(&mut self, run: &mut Running<'a>, leads: bool, alone: bool) -> Option<Outcome> {
         run.turn = (Instant::now(), run.progress.standing.wall_s);
         run.turns += 1;
         let next = match run.waves.is_some() {
             // Opening a large scene takes a while; nobody who wants to leave has to wait for that.
             false if self.control.stop_requested() || self.late() => Ok(Next::End(Outcome::Interrupted)),
             false => self.begin(run).map(|()| Next::Turn),
-            true => self.advance(run, leads, slice_s),
+            true => self.advance(run, leads, alone),
         };
         let next = next.and_then(|next| {
             // Only what is finished is recorded.
@@ -303,7 +304,7 @@ impl<'a> Night<'a, '_> {
 
     /// Goes on with the wave in progress or begins the next, for as long as one slice takes; what then is a whole wave
     /// is measured.
-    fn advance(&mut self, run: &mut Running<'a>, leads: bool, slice_s: f64) -> Result<Next, Broken> {
+    fn advance(&mut self, run: &mut Running<'a>, leads: bool, alone: bool) -> Result<Next, Broken> {
         let cell = run.work.cell;
         let plan = self.plan;
         let standing = &mut run.progress.standing;
@@ -325,14 +326,19 @@ impl<'a> Night<'a, '_> {
             if let Some(next) = self.obey(cell, &progress.standing, leads)? {
                 return Ok(next);
             }
+            let slice_s = if alone { SLICE_S } else { TURN_S };
             let slice_s = plan.night.checkpoint_s.map_or(slice_s, |every_s| every_s.min(slice_s));
-            let stats = advance(&mut progress.renderer, slice(&progress.standing, slice_s))?;
+            let samples = slice(&progress.standing, slice_s);
+            // A device that went on with this run would work through another's turn.
+            let waves = run.waves.as_ref().filter(|_| alone);
+            let more = waves.map_or(0, |waves| waves.expected(&progress.standing, samples, &run.work.stop));
+            let stats = advance_toward(&mut progress.renderer, samples, more)?;
             let first = stats.invalid > 0
                 && progress.standing.part.invalid == 0
                 && progress.standing.rows.iter().all(|row| row.invalid == 0);
             progress.standing.count(&stats);
             if first {
-                self.say(Level::Warn, cell, invalid_words(&progress.standing))?;
+                self.say(Level::Warn, cell, progress.standing.invalid_words())?;
             }
             run.progress.standing.wall_s = run.wall_s();
             self.keep_if_due(&run.work, &mut run.progress);
@@ -547,8 +553,12 @@ fn measure(gauge: &Gauge, image: &Image) -> Result<Vec<f64>, String> {
 }
 
 pub(super) fn advance(slot: &mut Option<Box<dyn Renderer>>, samples: u64) -> Result<WaveStats, Broken> {
+    advance_toward(slot, samples, 0)
+}
+
+fn advance_toward(slot: &mut Option<Box<dyn Renderer>>, samples: u64, more: u64) -> Result<WaveStats, Broken> {
     let Some(mut renderer) = slot.take() else { return Err("the renderer is gone".to_owned().into()) };
-    let stats = guard("rendering", || renderer.advance(samples))?;
+    let stats = guard("rendering", || renderer.advance_toward(samples, more))?;
     *slot = Some(renderer);
     match stats {
         Ok(stats) if stats.samples == 0 => Err(format!("the renderer added none of {samples} samples").into()),
@@ -580,19 +590,4 @@ pub(super) fn guard<T>(doing: &str, work: impl FnOnce() -> T) -> Result<T, Strin
 fn panic_text(payload: &(dyn Any + Send)) -> &str {
     let text = payload.downcast_ref::<&'static str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("no reason given")
-}
-
-/// Samples of the next call of the renderer: the wave in progress, or as many of it as take about `slice_s`.
-fn slice(standing: &Standing, slice_s: f64) -> u64 {
-    let rate = standing.samples() as f64 / standing.render_s();
-    if rate.is_finite() { standing.left.min(((slice_s * rate) as u64).max(1)) } else { standing.left }
-}
-
-fn invalid_words(standing: &Standing) -> String {
-    let place = match standing.part.first_invalid {
-        Some([x, y, sample]) => format!(", the first at column {x}, row {y}, sample {sample}"),
-        None => String::new(),
-    };
-    let wave = standing.rows.len() + 1;
-    format!("{} invalid samples (NaN or infinite) in wave {wave}{place}; they count as black", standing.part.invalid)
 }

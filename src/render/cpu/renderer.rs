@@ -273,11 +273,11 @@ impl Renderer for CpuRenderer {
         Ok(WaveStats {
             samples,
             render_s: start.elapsed().as_secs_f64(),
-            device_s: 0.0,
             paths,
             rays: stats.rays,
             invalid: stats.invalid + without_room,
             first_invalid: stats.first_invalid.map(|[sample, y, x]| [x, y, sample]),
+            ..WaveStats::default()
         })
     }
 

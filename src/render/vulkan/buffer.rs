@@ -180,7 +180,7 @@ impl Drop for Buffer {
     }
 }
 
-/// Memory of the host into which buffers are copied.
+/// Memory of the host into which buffers are copied, one behind the other.
 pub struct Readback {
     buffer: Buffer,
 }

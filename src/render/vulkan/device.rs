@@ -4,7 +4,6 @@ use std::ffi::CStr;
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
 
 use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
@@ -17,12 +16,6 @@ use crate::render::choice;
 
 /// The variable that names the device to use: its index or a part of its name, as `lumbre doctor` lists them.
 pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
-
-/// How long a submission may take before it counts as stuck, in seconds. Dispatches are made to take a tenth of one.
-const PATIENCE_S: u64 = 300;
-
-/// The same of a device that is a program: it compiles shaders at their first dispatch, and shares its processor.
-const PATIENCE_WITH_PROGRAMS_S: u64 = 1800;
 
 /// What a device can do of what the backends ask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -251,20 +244,17 @@ pub struct Device {
     /// Functions of ray-tracing pipelines, where it has them.
     pub tracing: Option<khr::ray_tracing_pipeline::Device>,
     debug: Option<ext::debug_utils::Device>,
-    queue: vk::Queue,
-    pool: vk::CommandPool,
-    fence: vk::Fence,
-    /// Held from the reset of a query to the reading of its result.
-    queries: Mutex<vk::QueryPool>,
+    pub(super) queue: vk::Queue,
+    pub(super) pool: vk::CommandPool,
     /// The cache that every pipeline is made with.
     pub pipelines: vk::PipelineCache,
     /// The pipelines that were made.
     pub shelf: Shelf,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     /// Set when a pass did not finish: what it may still use must not be destroyed, and is leaked.
-    stuck: AtomicBool,
-    /// Held while the queue works, and names the last pass handed to it.
-    pass: Mutex<String>,
+    pub(super) stuck: AtomicBool,
+    /// Held while commands are recorded and handed to the queue, and names the last pass handed to it.
+    pub(super) pass: Mutex<String>,
 }
 
 impl Device {
@@ -336,17 +326,14 @@ impl Device {
         let pool_info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(info.queue_family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER | vk::CommandPoolCreateFlags::TRANSIENT);
-        let query_info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2);
         let stored = cache::load(&info.cache_key);
         let cache_info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
         // SAFETY: the device has just been made and the family is the one of its queue; the structures live long enough.
-        let (queue, pool, fence, queries, pipelines) = unsafe {
+        let (queue, pool, pipelines) = unsafe {
             let queue = raw.get_device_queue(info.queue_family, 0);
             let pool = raw.create_command_pool(&pool_info, None).map_err(call("vkCreateCommandPool"))?;
-            let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(call("vkCreateFence"))?;
-            let queries = raw.create_query_pool(&query_info, None).map_err(call("vkCreateQueryPool"))?;
             let pipelines = raw.create_pipeline_cache(&cache_info, None).map_err(call("vkCreatePipelineCache"))?;
-            (queue, pool, fence, queries, pipelines)
+            (queue, pool, pipelines)
         };
         let device = Arc::new(Device {
             accel: traces.then(|| khr::acceleration_structure::Device::new(&instance.raw, &raw)),
@@ -354,8 +341,6 @@ impl Device {
             debug: instance.debug.then(|| ext::debug_utils::Device::new(&instance.raw, &raw)),
             queue,
             pool,
-            fence,
-            queries: Mutex::new(queries),
             pipelines,
             shelf: Shelf::default(),
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
@@ -366,8 +351,6 @@ impl Device {
         });
         device.name(queue, "queue");
         device.name(pool, "commands");
-        device.name(fence, "commands are done");
-        device.name(queries, "timestamps");
         device.name(pipelines, "pipelines");
         Ok(device)
     }
@@ -383,7 +366,8 @@ impl Device {
         self.failed_in(call, result, pass)
     }
 
-    fn failed_in(&self, call: &'static str, result: vk::Result, pass: String) -> VulkanError {
+    /// The same of a call that belongs to another pass than the last one.
+    pub(super) fn failed_in(&self, call: &'static str, result: vk::Result, pass: String) -> VulkanError {
         match result {
             vk::Result::ERROR_DEVICE_LOST => VulkanError::Lost { device: self.info.line(), pass },
             result => VulkanError::Call { call, result, pass },
@@ -458,70 +442,12 @@ impl Device {
         }
     }
 
-    /// As [`Device::run`]; also returns the seconds that the device worked, by its own clock where it has one.
-    ///
-    /// # Errors
-    /// As [`Device::run`].
-    pub fn timed(&self, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<f64, VulkanError> {
-        let start = Instant::now();
-        if self.info.limits.timestamp_ns == 0.0 {
-            self.run(pass, record)?;
-            return Ok(start.elapsed().as_secs_f64());
-        }
-        let queries = self.queries.lock().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: the pool belongs to this device and is reset before it is written; here and below.
-        self.run(pass, |commands| unsafe {
-            self.raw.cmd_reset_query_pool(commands, *queries, 0, 2);
-            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::TOP_OF_PIPE, *queries, 0);
-            record(commands);
-            self.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, *queries, 1);
-        })?;
-        let mut ticks = [0u64; 2];
-        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-        // SAFETY: as above; both queries were written by the commands that are done.
-        unsafe { self.raw.get_query_pool_results(*queries, 0, &mut ticks, flags) }
-            .map_err(|r| self.failed("vkGetQueryPoolResults", r))?;
-        let seconds = ticks[1].wrapping_sub(ticks[0]) as f64 * self.info.limits.timestamp_ns * 1e-9;
-        // A clock that was set back says nothing.
-        Ok(if seconds <= start.elapsed().as_secs_f64() * 2.0 { seconds } else { start.elapsed().as_secs_f64() })
-    }
-
     /// Records commands, hands them to the queue under the name `pass`, and waits until they are done.
     ///
     /// # Errors
     /// When recording fails, the device is lost, or it does not finish.
-    pub fn run(&self, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), VulkanError> {
-        let mut current = self.pass.lock().unwrap_or_else(PoisonError::into_inner);
-        pass.clone_into(&mut current);
-        let patience_s = if self.info.software { PATIENCE_WITH_PROGRAMS_S } else { PATIENCE_S };
-        let fail = |call: &'static str| move |result| self.failed_in(call, result, pass.to_owned());
-        let allocate = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
-        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: pool, queue and fence belong to this device, and `current` keeps every other thread away from them
-        // until the fence says that the commands are done. Where they are not, the commands are leaked.
-        unsafe {
-            let commands = self.raw.allocate_command_buffers(&allocate).map_err(fail("vkAllocateCommandBuffers"))?;
-            let done = (|| {
-                self.raw.begin_command_buffer(commands[0], &begin).map_err(fail("vkBeginCommandBuffer"))?;
-                self.name(commands[0], pass);
-                record(commands[0]);
-                self.raw.end_command_buffer(commands[0]).map_err(fail("vkEndCommandBuffer"))?;
-                let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
-                self.raw.queue_submit(self.queue, &submit, self.fence).map_err(fail("vkQueueSubmit"))?;
-                match self.raw.wait_for_fences(&[self.fence], true, patience_s * 1_000_000_000) {
-                    Err(vk::Result::TIMEOUT) => {
-                        self.stuck.store(true, Ordering::Relaxed);
-                        Err(VulkanError::Stuck { device: self.info.line(), pass: pass.to_owned(), seconds: patience_s })
-                    }
-                    other => other.map_err(fail("vkWaitForFences")),
-                }?;
-                self.raw.reset_fences(&[self.fence]).map_err(fail("vkResetFences"))
-            })();
-            if done.is_ok() {
-                self.raw.free_command_buffers(self.pool, &commands);
-            }
-            done
-        }
+    pub fn run(self: &Arc<Device>, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), VulkanError> {
+        self.submit(pass, record)?.wait().map(drop)
     }
 }
 
@@ -540,8 +466,6 @@ impl Drop for Device {
             }
             ManuallyDrop::drop(&mut self.allocator);
             self.raw.destroy_pipeline_cache(self.pipelines, None);
-            self.raw.destroy_query_pool(*self.queries.lock().unwrap_or_else(PoisonError::into_inner), None);
-            self.raw.destroy_fence(self.fence, None);
             self.raw.destroy_command_pool(self.pool, None);
             self.raw.destroy_device(None);
         }

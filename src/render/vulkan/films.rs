@@ -1,5 +1,8 @@
-//! The films of a run on the device, and their copies here.
+//! The films of a run on the device, and their copies here: of all that goes on from wave to wave there is a copy in host memory
+//! as it was at the end of a wave, so that the device may go on with the next one while this one is looked at, saved, or, where
+//! the next is not wanted, put back.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -73,10 +76,14 @@ pub struct Films {
     mode: SplatMode,
     layout: Layout,
     resolution: [u32; 2],
-    /// Splats of earlier waves, where the device starts every wave from zero; by slot.
+    /// Splats of the waves so far, where the device starts every wave from zero; by slot.
     landed: Vec<Landed>,
+    /// Sums, splats and refused samples, at the end of a wave.
+    last: Readback,
+    /// Sums of layers.
     readback: Readback,
-    counted: Readback,
+    /// What two submissions have counted, the earlier of which is read while the later one runs.
+    counted: [Readback; 2],
 }
 
 impl Films {
@@ -99,23 +106,29 @@ impl Films {
         let slots = if mode == SplatMode::None { 0 } else { pixels * (times.slots() as u64 + splat_films) };
         let step_rows = if steps { u64::from(resolution[0]) * MOST_STEPS as u64 } else { 0 };
         let row = size_of::<Sums>() as u64;
-        let largest = (row * pixels).max(mode.bytes() * slots).max(row * pixels * films);
-        Ok(Films {
-            sums: Buffer::zeros(device, "sums of pixels", row * pixels)?,
-            invalid: Buffer::zeros(device, "refused samples", size_of::<Invalid>() as u64 * pixels)?,
+        let sums = Buffer::zeros(device, "sums of pixels", row * pixels)?;
+        let invalid = Buffer::zeros(device, "refused samples", size_of::<Invalid>() as u64 * pixels)?;
+        let splats = Buffer::zeros(device, "splats", mode.bytes() * slots)?;
+        let counted = || Readback::new(device, size_of::<Counters>() as u64);
+        let made = Films {
+            last: Readback::new(device, sums.size + splats.size + invalid.size)?,
+            sums,
+            invalid,
             counters: Buffer::zeros(device, "counters", size_of::<Counters>() as u64)?,
-            splats: Buffer::zeros(device, "splats", mode.bytes() * slots)?,
+            splats,
             layer_sums: Buffer::zeros(device, "sums of layers", row * pixels * films)?,
             layer_values: Buffer::zeros(device, "values of layers", 12 * pixels * films)?,
             steps: Buffer::zeros(device, "steps of samples", size_of::<PathStep>() as u64 * step_rows)?,
             landed: if mode == SplatMode::Float { vec![Landed::default(); slots as usize] } else { Vec::new() },
-            readback: Readback::new(device, largest)?,
-            counted: Readback::new(device, size_of::<Counters>() as u64)?,
+            readback: Readback::new(device, row * pixels * films)?,
+            counted: [counted()?, counted()?],
             times,
             mode,
             layout,
             resolution,
-        })
+        };
+        made.last.fetch(&[&made.sums, &made.splats, &made.invalid])?;
+        Ok(made)
     }
 
     /// What is bound after the scene, in the order of `shaders/film`.
@@ -147,46 +160,66 @@ impl Films {
         self.layout.films()
     }
 
-    /// Records that the counters start from zero.
+    /// Whether the device may go on while the last wave is looked at. Not with layers or a time axis, which are as large as the
+    /// device holds and are not copied: what asks for them asks the device.
+    pub fn may_go_on(&self) -> bool {
+        self.layout.films().is_empty() && self.times.is_empty()
+    }
+
+    /// Records that the counters start from zero, once what came before is done.
     pub fn start_counting(&self, device: &Device, commands: vk::CommandBuffer) {
+        let copies = vk::PipelineStageFlags::TRANSFER;
+        let both = vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::TRANSFER_WRITE;
+        device.barrier(commands, (copies, both), (copies, both));
         // SAFETY: the commands are being recorded.
         unsafe { device.raw.cmd_fill_buffer(commands, self.counters.raw, 0, vk::WHOLE_SIZE, 0) };
         device.barrier_to_shaders(commands);
     }
 
-    /// Records that the counters are copied here.
-    pub fn stop_counting(&self, device: &Device, commands: vk::CommandBuffer) {
+    /// Records that the counters are copied here, to one of two places.
+    pub fn stop_counting(&self, device: &Device, commands: vk::CommandBuffer, place: usize) {
         device.barrier_to_copy(commands);
-        self.counted.record(commands, &[&self.counters]);
+        self.counted[place % 2].record(commands, &[&self.counters]);
     }
 
-    /// What was counted, once the commands are done.
-    pub fn counted(&self) -> Counters {
-        bytemuck::pod_read_unaligned(&self.counted.bytes()[..size_of::<Counters>()])
+    /// What was counted there, once the commands are done.
+    pub fn counted(&self, place: usize) -> Counters {
+        bytemuck::pod_read_unaligned(&self.counted[place % 2].bytes()[..size_of::<Counters>()])
     }
 
     /// The sample, row and column of the first refused sample, of all waves.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn first_invalid(&self) -> Result<Option<[u64; 3]>, VulkanError> {
+    pub fn first_invalid(&self) -> Option<[u64; 3]> {
         let width = self.resolution[0] as usize;
-        let rows: Vec<Invalid> = self.invalid.read(width * self.resolution[1] as usize)?;
-        let place = |(i, row): (usize, &Invalid)| {
+        let rows = self.last_invalid().chunks_exact(size_of::<Invalid>()).map(bytemuck::pod_read_unaligned);
+        let place = |(i, row): (usize, Invalid)| {
             let sample = u64::from(row.first[1]) << 32 | u64::from(row.first[0]);
             (row.count > 0).then_some([sample, (i / width) as u64, (i % width) as u64])
         };
-        Ok(rows.iter().enumerate().filter_map(place).min())
+        rows.enumerate().filter_map(place).min()
     }
 
-    /// Ends a wave: what the device cannot keep is fetched.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn end_wave(&mut self) -> Result<(), VulkanError> {
+    /// Records the end of a wave: what goes on to the next is copied here, and splats that the device cannot keep start from
+    /// zero.
+    pub fn record_end(&self, device: &Device, commands: vk::CommandBuffer) {
+        device.barrier_to_copy(commands);
+        self.last.record(commands, &[&self.sums, &self.splats, &self.invalid]);
         if self.mode == SplatMode::Float {
-            self.readback.fetch(&[&self.splats])?;
-            let waves = self.readback.bytes().par_chunks_exact(size_of::<[f32; 6]>());
+            let copies = vk::PipelineStageFlags::TRANSFER;
+            device.barrier(
+                commands,
+                (copies, vk::AccessFlags::TRANSFER_READ),
+                (copies, vk::AccessFlags::TRANSFER_WRITE),
+            );
+            // SAFETY: the commands are being recorded, and the buffer may be filled.
+            unsafe { device.raw.cmd_fill_buffer(commands, self.splats.raw, 0, vk::WHOLE_SIZE, 0) };
+        }
+    }
+
+    /// Ends a wave, once its commands are done: adds what the device does not keep.
+    pub fn end_wave(&mut self) {
+        if self.mode == SplatMode::Float {
+            let [_, splats, _] = Films::parts(&self.last, [&self.sums, &self.splats, &self.invalid]);
+            let waves = splats.par_chunks_exact(size_of::<[f32; 6]>());
             self.landed.par_iter_mut().zip(waves).with_min_len(TOGETHER).for_each(|(landed, words)| {
                 let wave: [f32; 6] = bytemuck::pod_read_unaligned(words);
                 for c in 0..3 {
@@ -194,9 +227,46 @@ impl Films {
                     landed.1[c] += f64::from(wave[3 + c]);
                 }
             });
-            self.splats.clear()?;
         }
-        Ok(())
+    }
+
+    /// Makes the device's sums those of the end of the last wave again.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn take_back(&self) -> Result<(), VulkanError> {
+        self.sums.write(self.last_sums())?;
+        self.invalid.write(self.last_invalid())?;
+        match self.mode {
+            SplatMode::Fixed => self.splats.write(self.last_splats()),
+            _ => self.splats.clear(),
+        }
+    }
+
+    /// What was copied of each of some buffers.
+    fn parts<'a>(from: &'a Readback, buffers: [&Buffer; 3]) -> [&'a [u8]; 3] {
+        let mut rest = from.bytes();
+        buffers.map(|buffer| {
+            let (part, after) = rest.split_at(buffer.size as usize);
+            rest = after;
+            part
+        })
+    }
+
+    fn last_parts(&self) -> [&[u8]; 3] {
+        Films::parts(&self.last, [&self.sums, &self.splats, &self.invalid])
+    }
+
+    fn last_sums(&self) -> &[u8] {
+        self.last_parts()[0]
+    }
+
+    fn last_splats(&self) -> &[u8] {
+        self.last_parts()[1]
+    }
+
+    fn last_invalid(&self) -> &[u8] {
+        self.last_parts()[2]
     }
 
     /// Writes the sums of the picture into `film`.
@@ -205,14 +275,14 @@ impl Films {
     /// When the device fails.
     pub fn picture(&self, film: &mut Film) -> Result<(), VulkanError> {
         let (pixels, samples) = (film.sum.len(), film.samples);
-        // The device waits meanwhile: all threads share the work.
+        // The device may wait meanwhile: all threads share the work.
         let both = film.sum.par_iter_mut().zip(&mut film.sum2).with_min_len(TOGETHER);
-        let rows = self.fetch_sums(&self.sums)?.par_chunks_exact(size_of::<Sums>());
+        let rows = self.last_sums().par_chunks_exact(size_of::<Sums>());
         both.zip(rows).for_each(|((sum, sum2), row)| (*sum, *sum2) = sums_of(row));
         if let Some(read) = self.read_times(pixels)? {
             read.make_picture(film);
         } else if self.mode != SplatMode::None {
-            let landed = self.fetch_splats()?;
+            let landed = self.splats_of_last();
             let both = film.sum.par_iter_mut().zip(&mut film.sum2).with_min_len(TOGETHER);
             both.enumerate().for_each(|(i, (sum, sum2))| (*sum, *sum2) = join(landed(i), (*sum, *sum2), samples));
         }
@@ -222,8 +292,7 @@ impl Films {
     fn read_times(&self, pixels: usize) -> Result<Option<Read>, VulkanError> {
         let splats = self.mode != SplatMode::None && self.times.slots() > 1;
         let slots = 0..pixels * self.times.slots();
-        let landed = splats.then(|| Ok::<_, VulkanError>(slots.map(self.fetch_splats()?).collect())).transpose()?;
-        self.times.read(pixels, landed)
+        self.times.read(pixels, splats.then(|| slots.map(self.splats_of_last()).collect()))
     }
 
     /// The light of every pixel by its time; none without a time axis.
@@ -242,14 +311,15 @@ impl Films {
     pub fn layer(&self, index: usize, samples: u64) -> Result<Film, VulkanError> {
         let mut film = Film { samples, ..Film::new(self.resolution[0], self.resolution[1]) };
         let (pixels, films) = (film.sum.len(), self.layout.films().len());
-        let rows = self.fetch_sums(&self.layer_sums)?.chunks_exact(size_of::<Sums>());
+        self.readback.fetch(&[&self.layer_sums])?;
+        let rows = self.readback.bytes().chunks_exact(size_of::<Sums>());
         for (i, row) in rows.skip(index).step_by(films).take(pixels).enumerate() {
             (film.sum[i], film.sum2[i]) = sums_of(row);
         }
         if self.mode != SplatMode::None && self.layout.films()[index].splats {
             let splat_films = self.layout.films().iter().filter(|film| film.splats).count();
             let slot = self.layout.films()[..index].iter().filter(|film| film.splats).count();
-            let (landed, first) = (self.fetch_splats()?, pixels * self.times.slots() + slot);
+            let (landed, first) = (self.splats_of_last(), pixels * self.times.slots() + slot);
             for i in 0..pixels {
                 let landed = landed(first + i * splat_films);
                 (film.sum[i], film.sum2[i]) = join(landed, (film.sum[i], film.sum2[i]), samples);
@@ -258,9 +328,24 @@ impl Films {
         Ok(film)
     }
 
-    /// Everything that is kept from wave to wave, between waves.
+    /// Everything that is kept from wave to wave.
     fn kept(&self) -> [&Buffer; 5] {
         [&self.sums, &self.invalid, &self.layer_sums, &self.splats, &self.times.sums]
+    }
+
+    /// What of it further waves need at the end of the last one.
+    fn state(&self) -> Result<[Cow<'_, [u8]>; 5], VulkanError> {
+        // Where the device may have gone on these are nothing but something to bind.
+        let live = |buffer: &Buffer| match self.may_go_on() {
+            true => Ok(Cow::Owned(vec![0; buffer.size as usize])),
+            false => buffer.read(buffer.size as usize).map(Cow::Owned),
+        };
+        let splats = match self.mode {
+            SplatMode::Fixed => Cow::Borrowed(self.last_splats()),
+            _ => Cow::Owned(vec![0; self.splats.size as usize]),
+        };
+        let [sums, invalid] = [self.last_sums(), self.last_invalid()].map(Cow::Borrowed);
+        Ok([sums, invalid, live(&self.layer_sums)?, splats, live(&self.times.sums)?])
     }
 
     /// Writes everything that further waves need.
@@ -269,9 +354,8 @@ impl Films {
     /// When the device fails, or as `to`.
     pub fn save(&self, to: &mut dyn Write) -> io::Result<()> {
         write_words(to, [self.mode as u64])?;
-        for buffer in self.kept() {
-            let bytes: Vec<u8> = buffer.read(buffer.size as usize).map_err(io::Error::other)?;
-            write_words(to, [buffer.size])?;
+        for bytes in self.state().map_err(io::Error::other)? {
+            write_words(to, [bytes.len() as u64])?;
             to.write_all(&bytes)?;
         }
         self.landed.iter().try_for_each(|(sum, squares)| write_sums(to, &[*sum, *squares]))
@@ -296,29 +380,20 @@ impl Films {
             from.sums(&mut both)?;
             [*sum, *squares] = both;
         }
-        Ok(())
+        Ok(self.last.fetch(&[&self.sums, &self.splats, &self.invalid])?)
     }
 
-    /// The rows of sums of a buffer.
-    fn fetch_sums(&self, buffer: &Buffer) -> Result<&[u8], VulkanError> {
-        self.readback.fetch(&[buffer])?;
-        Ok(self.readback.bytes())
-    }
-
-    /// The sums of splats by slot. Whoever asks knows that there are any.
-    fn fetch_splats(&self) -> Result<impl Fn(usize) -> Landed + Sync + '_, VulkanError> {
-        if self.mode == SplatMode::Fixed {
-            self.readback.fetch(&[&self.splats])?;
-        }
-        let (bytes, landed, fixed) = (self.readback.bytes(), &self.landed[..], self.mode == SplatMode::Fixed);
-        Ok(move |slot: usize| {
+    /// The sums of splats by slot, at the end of the last wave. Whoever asks knows that there are any.
+    fn splats_of_last(&self) -> impl Fn(usize) -> Landed + Sync + '_ {
+        let (bytes, landed, fixed) = (self.last_splats(), &self.landed[..], self.mode == SplatMode::Fixed);
+        move |slot: usize| {
             if !fixed {
                 return landed[slot];
             }
             let words: [[u32; 4]; 6] = bytemuck::pod_read_unaligned(&bytes[slot * 96..][..96]);
             let [a, b, c, d, e, f] = words;
             ([a, b, c].map(sum_of_words), [d, e, f].map(squares_of_words))
-        })
+        }
     }
 }
 

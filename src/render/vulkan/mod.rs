@@ -1,8 +1,8 @@
 //! The Vulkan backends.
 //!
 //! `layout` and `spirv` need no device. `instance`, `device`, `buffer` and `pipeline` are a thin layer over Vulkan: each
-//! object owns what it was made from and goes when it is dropped, and every submission is waited for, so that nothing is
-//! destroyed while it is in use.
+//! object owns what it was made from and goes when it is dropped, and every submission is waited for before what it uses goes, so
+//! that nothing is destroyed while it is in use.
 #![allow(unsafe_code, reason = "Vulkan is a C interface; each block says why it may be called")]
 
 mod accel;
@@ -22,6 +22,7 @@ pub mod program;
 pub mod renderer;
 mod session;
 pub mod spirv;
+mod submission;
 mod times;
 mod tracing;
 pub mod upload;

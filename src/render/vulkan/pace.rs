@@ -3,7 +3,7 @@
 //! while the host wakes up.
 
 /// Seconds that a dispatch shall take.
-const TARGET_S: f64 = 0.08;
+pub const TARGET_S: f64 = 0.08;
 
 /// Samples of pixels in the first dispatch, when nothing is known yet.
 const START: f64 = 16_384.0;
@@ -15,7 +15,10 @@ const GROWTH: f64 = 8.0;
 const MOST_SAMPLES: u64 = 1 << 16;
 
 /// Dispatches of one submission.
-const TOGETHER: usize = 4;
+pub const TOGETHER: usize = 4;
+
+/// Dispatches of a wave that nobody has asked for yet, at most; no more than the host needs between waves.
+pub const AHEAD: usize = 16;
 
 /// A part of a wave: so many samples of every pixel of some rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,11 +72,23 @@ impl Cut {
         Some(part)
     }
 
-    /// The parts of the next submission; none once the wave is done.
-    pub fn parts(&mut self, pace: &Pace) -> Vec<Part> {
+    /// The parts of the next submission, at most so many; none once the wave is done.
+    pub fn parts(&mut self, pace: &Pace, most: usize) -> Vec<Part> {
         // Before anything is known, one is enough to learn from.
-        let together = if pace.budget.is_some() { TOGETHER } else { 1 };
+        let together = if pace.budget.is_some() { most } else { 1 };
         (0..together).map_while(|_| self.part(pace)).collect()
+    }
+
+    /// Whether no part is left.
+    pub fn is_done(&self) -> bool {
+        let row_done = self.next.row == self.size[1];
+        self.next.done + if row_done { u64::from(self.next.samples) } else { 0 } >= self.samples
+    }
+
+    /// The rest of a wave of so many samples whose first parts are those that this one has given; none if it has given samples
+    /// that such a wave has not.
+    pub fn of(self, samples: u64) -> Option<Cut> {
+        (self.next.done + u64::from(self.next.samples) <= samples).then_some(Cut { samples, ..self })
     }
 }
 
@@ -113,7 +128,8 @@ mod tests {
         let (mut pace, mut cut, mut durations) = (Pace::default(), Cut::new(size, samples), Vec::new());
         let mut rows = vec![0u64; size[1] as usize];
         loop {
-            let parts = cut.parts(&pace);
+            let parts = cut.parts(&pace, TOGETHER);
+            assert_eq!(cut.is_done(), cut.clone().parts(&pace, 1).is_empty());
             if parts.is_empty() {
                 break;
             }
@@ -138,6 +154,36 @@ mod tests {
             assert!(durations.iter().all(|s| *s <= 0.1), "{size:?} {cost}: {durations:?}");
             let total: f64 = durations.iter().sum();
             assert!(durations.len() as f64 <= 16.0 + total / 0.02, "{size:?} {cost}: {} dispatches", durations.len());
+        }
+    }
+
+    #[test]
+    fn what_was_begun_of_one_wave_is_the_beginning_of_any_that_has_its_samples() {
+        let (size, mut pace) = ([64, 36], Pace::default());
+        pace.record(64.0 * 36.0 * 3.0, TARGET_S);
+        let rows_of = |first: Vec<Part>, mut rest: Cut| {
+            let mut rows = [0u64; 36];
+            let mut parts = first;
+            while !parts.is_empty() {
+                for part in parts {
+                    for row in &mut rows[part.row as usize..][..part.rows as usize] {
+                        assert_eq!(*row, part.done, "samples come in order, and none twice");
+                        *row += u64::from(part.samples);
+                    }
+                }
+                parts = rest.parts(&pace, TOGETHER);
+            }
+            rows
+        };
+        for begun in 1..4 {
+            let mut ahead = Cut::new(size, 100);
+            let first = ahead.parts(&pace, begun);
+            let has = 3 * begun as u64;
+            assert_eq!(first.last().map(|part| part.done + u64::from(part.samples)), Some(has));
+            assert!(ahead.of(has - 1).is_none(), "a shorter wave has not all of them");
+            for samples in [has, has + 1, 50, 200] {
+                assert_eq!(rows_of(first.clone(), ahead.of(samples).unwrap()), [samples; 36]);
+            }
         }
     }
 

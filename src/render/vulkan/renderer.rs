@@ -9,11 +9,12 @@ use super::device::Device;
 use super::error::VulkanError;
 use super::films::{Films, RestoreError, SplatMode};
 use super::layout::{PathStep, Wave};
-use super::pace::{Cut, Pace};
+use super::pace::{AHEAD, Cut, Pace, Part, TARGET_S, TOGETHER};
 use super::pipeline::Bindings;
 use super::program::{Kind, Program, Traversal};
 use super::session;
 use super::spirv::Sources;
+use super::submission::{Span, Submission};
 use super::upload::{self, JobBuffers, SceneBuffers};
 use crate::film::Film;
 use crate::film::layer::{LayerFilm, Layout};
@@ -28,6 +29,8 @@ use crate::transport::ray::{Hit, Ray};
 
 /// A run on a device. Its fields go in the order in which they are written: what uses others first.
 pub struct VulkanRenderer {
+    /// What the device has begun of the next wave.
+    ahead: Option<Ahead>,
     kind: Kind,
     program: Program,
     bindings: Bindings,
@@ -37,12 +40,27 @@ pub struct VulkanRenderer {
     _scene: Arc<SceneBuffers>,
     device: Arc<Device>,
     pace: Pace,
+    /// The place of the counters of the last submission.
+    place: usize,
+    /// When the device worked on the last submission.
+    last: Option<Span>,
+    /// When the last wave was handed out, and seconds from there to asking for the next one.
+    away: (Option<Instant>, f64),
     film: Film,
     /// Index of the first sample of the film.
     first_sample: u64,
     open_stats: OpenStats,
     /// Whether some sample was refused so far.
     refused: bool,
+}
+
+/// The beginning of a wave that nobody has asked for yet: it runs while the host looks at the wave before.
+struct Ahead {
+    submission: Submission,
+    parts: Vec<Part>,
+    place: usize,
+    /// The wave, after these parts.
+    cut: Cut,
 }
 
 impl VulkanRenderer {
@@ -162,6 +180,7 @@ impl VulkanRenderer {
         device.run("warm up", |commands| program.dispatch(commands, &bindings, 1, &empty))?;
         let pipeline_s = start.elapsed().as_secs_f64();
         Ok(VulkanRenderer {
+            ahead: None,
             kind,
             program,
             bindings,
@@ -171,6 +190,9 @@ impl VulkanRenderer {
             _scene: scene_buffers,
             device: Arc::clone(device),
             pace: Pace::default(),
+            place: 0,
+            last: None,
+            away: (None, 0.0),
             film: Film::new(job.resolution[0], job.resolution[1]),
             first_sample: job.first_sample,
             open_stats: OpenStats {
@@ -186,46 +208,105 @@ impl VulkanRenderer {
         })
     }
 
-    fn wave(&mut self, samples: u64) -> Result<WaveStats, VulkanError> {
-        let start = Instant::now();
-        let size = [self.film.width, self.film.height];
+    /// Renders a wave, begins the next one where `more` samples are to follow, and brings the film here while that runs.
+    fn wave(&mut self, samples: u64, more: u64) -> Result<WaveStats, VulkanError> {
         let mut stats = WaveStats { samples, paths: samples * self.film.sum.len() as u64, ..WaveStats::default() };
-        let mut cut = Cut::new(size, samples);
+        self.away.1 = self.away.0.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
+        let mut cut = self.take_ahead(samples, &mut stats)?;
+        let mut waited = true;
         loop {
-            let parts = cut.parts(&self.pace);
-            if parts.is_empty() {
+            let parts = cut.parts(&self.pace, TOGETHER);
+            let ends = cut.is_done();
+            // Where all of it was done ahead, its end is left.
+            let submission = self.submit(&parts, self.film.samples, ends)?;
+            let place = self.place;
+            if ends {
+                self.begin_ahead(samples, more)?;
+            }
+            self.book(&parts, submission.wait()?, place, waited, &mut stats);
+            if ends {
                 break;
             }
-            let seconds = self.device.timed("render", |commands| {
-                self.films.start_counting(&self.device, commands);
-                for (i, part) in parts.iter().enumerate() {
-                    if i > 0 {
-                        // The same rows may come again.
-                        self.device.barrier_to_shaders(commands);
-                    }
-                    let first = self.first_sample + self.film.samples + part.done;
-                    let (first_sample, rows) = ([first as u32, (first >> 32) as u32], part.rows);
-                    let wave = Wave { first_sample, samples: part.samples, first_row: part.row, rows };
-                    self.program.dispatch(commands, &self.bindings, size[0], &wave);
-                }
-                self.films.stop_counting(&self.device, commands);
-            })?;
-            let work = parts.iter().map(|part| part.work(size[0])).sum::<f64>();
-            self.pace.record(work / parts.len() as f64, seconds / parts.len() as f64);
-            let counted = self.films.counted();
-            stats.rays += u64::from(counted.rays);
-            stats.invalid += u64::from(counted.invalid);
-            stats.device_s += seconds;
+            waited = false;
         }
+        self.away.0 = Some(Instant::now());
         self.film.samples += samples;
-        self.films.end_wave()?;
+        self.films.end_wave();
         self.films.picture(&mut self.film)?;
         if stats.invalid > 0 && !self.refused {
             self.refused = true;
-            stats.first_invalid = self.films.first_invalid()?.map(|[sample, y, x]| [x, y, sample]);
+            stats.first_invalid = self.films.first_invalid().map(|[sample, y, x]| [x, y, sample]);
         }
-        stats.render_s = start.elapsed().as_secs_f64();
         Ok(stats)
+    }
+
+    /// Hands parts of a wave to the device that follows so many samples, and its end where they are the last ones.
+    fn submit(&mut self, parts: &[Part], before: u64, ends: bool) -> Result<Submission, VulkanError> {
+        self.place += 1;
+        self.device.submit("render", |commands| {
+            self.films.start_counting(&self.device, commands);
+            for (i, part) in parts.iter().enumerate() {
+                if i > 0 {
+                    // The same rows may come again.
+                    self.device.barrier_to_shaders(commands);
+                }
+                let first = self.first_sample + before + part.done;
+                let (first_sample, rows) = ([first as u32, (first >> 32) as u32], part.rows);
+                let wave = Wave { first_sample, samples: part.samples, first_row: part.row, rows };
+                self.program.dispatch(commands, &self.bindings, self.film.width, &wave);
+            }
+            self.films.stop_counting(&self.device, commands, self.place);
+            if ends {
+                self.films.record_end(&self.device, commands);
+            }
+        })
+    }
+
+    /// Counts what a submission has done, and learns from it. All clocks are the device's: a wave takes from the beginning of its
+    /// first submission to the end of its last, but for the time in which the device `waited` to be asked for more.
+    fn book(&mut self, parts: &[Part], span: Span, place: usize, waited: bool, stats: &mut WaveStats) {
+        let (seconds, width) = (span.seconds(), self.film.width);
+        if !parts.is_empty() {
+            let work = parts.iter().map(|part| part.work(width)).sum::<f64>();
+            self.pace.record(work / parts.len() as f64, seconds / parts.len() as f64);
+        }
+        let counted = self.films.counted(place);
+        stats.rays += u64::from(counted.rays);
+        stats.invalid += u64::from(counted.invalid);
+        let before = self.last.map_or(0.0, |last| span.since(&last));
+        *if waited { &mut stats.idle_s } else { &mut stats.render_s } += before;
+        stats.render_s += seconds;
+        stats.device_s += seconds;
+        self.last = Some(span);
+    }
+
+    /// Begins the wave after the one in progress, of `samples`, as far as the host was away last time, if so many samples are
+    /// to follow and the films let it.
+    fn begin_ahead(&mut self, samples: u64, more: u64) -> Result<(), VulkanError> {
+        // Without a clock of the device nobody could say how long it took.
+        if more == 0 || !self.films.may_go_on() || self.device.info.limits.timestamp_ns == 0.0 {
+            return Ok(());
+        }
+        let mut cut = Cut::new([self.film.width, self.film.height], more);
+        let parts = cut.parts(&self.pace, ((self.away.1 / TARGET_S) as usize + 1).min(AHEAD));
+        let submission = self.submit(&parts, self.film.samples + samples, false)?;
+        self.ahead = Some(Ahead { submission, parts, place: self.place, cut });
+        Ok(())
+    }
+
+    /// What is left of a wave of so many samples after what was done ahead. What was done of another wave is put back.
+    fn take_ahead(&mut self, samples: u64, stats: &mut WaveStats) -> Result<Cut, VulkanError> {
+        let whole = Cut::new([self.film.width, self.film.height], samples);
+        let Some(Ahead { submission, parts, place, cut }) = self.ahead.take() else { return Ok(whole) };
+        let span = submission.wait()?;
+        if let Some(rest) = cut.of(samples) {
+            self.book(&parts, span, place, true, stats);
+            return Ok(rest);
+        }
+        tracing::debug!("{:.3} s of the device were for a wave that nobody wants, and count for none", span.seconds());
+        self.last = Some(span);
+        self.films.take_back()?;
+        Ok(whole)
     }
 
     /// What samples do, of a run that was opened [`VulkanRenderer::stepwise`]. Its film is worthless afterwards.
@@ -255,6 +336,9 @@ impl VulkanRenderer {
     }
 
     fn take(&mut self, state: &[u8]) -> Result<(), RestoreError> {
+        if let Some(ahead) = self.ahead.take() {
+            ahead.submission.wait()?;
+        }
         let mut from = Saved::new(state);
         let samples = from.word()?;
         self.refused = from.word()? != 0;
@@ -301,7 +385,11 @@ pub fn into_render_error(kind: Kind, error: VulkanError) -> RenderError {
 
 impl Renderer for VulkanRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.wave(samples).map_err(|e| {
+        self.advance_toward(samples, 0)
+    }
+
+    fn advance_toward(&mut self, samples: u64, more: u64) -> Result<WaveStats, RenderError> {
+        self.wave(samples, more).map_err(|e| {
             session::forget(&self.device);
             into_render_error(self.kind, e)
         })

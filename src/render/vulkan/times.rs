@@ -70,6 +70,11 @@ impl Times {
         })
     }
 
+    /// Whether there is no time axis.
+    pub fn is_empty(&self) -> bool {
+        self.axis.is_none()
+    }
+
     /// How many slots a pixel of the picture has where splats are summed.
     pub fn slots(&self) -> usize {
         self.axis.map_or(1, |axis| axis.slots())

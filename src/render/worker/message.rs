@@ -16,8 +16,8 @@ pub enum Request {
     /// To open a run of a backend on that scene, under a number, and where its film is to be left, by the name of a
     /// [`SharedFilm`](super::shared::SharedFilm).
     Open(u64, String, Box<Job>, Option<String>),
-    /// To add so many samples.
-    Advance(u64, u64),
+    /// To add so many samples, and how many are likely to follow.
+    Advance(u64, u64, u64),
     /// The film of a layer.
     Layer(u64, usize),
     /// The light of a run by its time.
@@ -77,7 +77,7 @@ macro_rules! enums {
 
 enums! {
     Request {
-        0u8: Scene(scene), 1u8: Open(run, backend, job, film), 2u8: Advance(run, samples), 3u8: Layer(run, index),
+        0u8: Scene(scene), 1u8: Open(run, backend, job, film), 2u8: Advance(run, samples, more), 3u8: Layer(run, index),
         4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run), 7u8: Times(run),
     }
     Reply {

@@ -180,8 +180,12 @@ impl WorkerRenderer {
 
 impl Renderer for WorkerRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        self.advance_toward(samples, 0)
+    }
+
+    fn advance_toward(&mut self, samples: u64, more: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
-        let stats = match self.ask_within(&Request::Advance(self.run, samples), limit(self.pace, samples))? {
+        let stats = match self.ask_within(&Request::Advance(self.run, samples, more), limit(self.pace, samples))? {
             Reply::Advanced(stats, film) => {
                 self.film = film;
                 stats

@@ -118,9 +118,9 @@ impl Bench<'_> {
                 self.runs.insert(run, Run { renderer, film });
                 Reply::Opened(stats)
             }
-            Request::Advance(run, samples) => {
+            Request::Advance(run, samples, more) => {
                 let Run { renderer, film: shared } = self.run(run)?;
-                let stats = renderer.advance(samples)?;
+                let stats = renderer.advance_toward(samples, more)?;
                 let film = renderer.film();
                 if shared.as_ref().is_some_and(|shared| shared.put(film).is_ok()) {
                     Reply::Left(stats, film.samples)

@@ -54,7 +54,7 @@ structs! {
     DelayParam { value, offset, texture }
     Timing { axis, filter, camera, medium, emission, metres }
     TimeAxis { start, bin, bins }
-    WaveStats { samples, render_s, device_s, paths, rays, invalid, first_invalid }
+    WaveStats { samples, render_s, device_s, idle_s, paths, rays, invalid, first_invalid }
     OpenStats { upload_s, pipeline_s, accel_build_s, accel_nodes, accel_bytes, accel_cost, device }
 }
 
