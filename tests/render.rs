@@ -58,5 +58,7 @@ mod oracle;
 mod references;
 #[path = "render/sampling.rs"]
 mod sampling;
+#[path = "render/streams.rs"]
+mod streams;
 #[path = "render/surface.rs"]
 mod surface;

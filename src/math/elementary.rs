@@ -2,27 +2,33 @@
 
 use std::f32::consts::FRAC_2_PI;
 
+use super::real::{Real, Word};
+
 /// Sine and cosine of an angle of at most a few thousand radians, to a few units in the last place.
-#[inline]
-pub fn sin_cos(x: f32) -> (f32, f32) {
+#[inline(always)]
+pub fn sin_cos<R: Real>(x: R) -> (R, R) {
     // Added to a small number, it leaves the nearest whole one in the last bits.
-    const WHOLE: f32 = 12_582_912.0;
-    let shifted = x * FRAC_2_PI + WHOLE;
-    let turns = shifted - WHOLE;
+    let whole = R::of(12_582_912.0);
+    let shifted = x * R::of(FRAC_2_PI) + whole;
+    let turns = shifted - whole;
     // The nearest multiple of a quarter turn, subtracted in three parts of few digits each.
-    let r = ((x - turns * 1.570_312_5) - turns * 4.837_513e-4) - turns * 7.549_79e-8;
+    let r = ((x - turns * R::of(1.570_312_5)) - turns * R::of(4.837_513e-4)) - turns * R::of(7.549_79e-8);
     let (s, c) = sin_cos_small(r);
-    let quarter = shifted.to_bits() & 3;
-    let (s, c) = if quarter & 1 == 0 { (s, c) } else { (c, s) };
-    (if quarter >= 2 { -s } else { s }, if quarter == 1 || quarter == 2 { -c } else { c })
+    let word = R::Word::of;
+    let quarter = shifted.bits().and(word(3));
+    let (second, third) = (quarter.eq(word(1)), quarter.eq(word(2)));
+    let even = quarter.and(word(1)).eq(word(0));
+    let (s, c) = (R::select(even, s, c), R::select(even, c, s));
+    (R::select(third | quarter.eq(word(3)), -s, s), R::select(second | third, -c, c))
 }
 
 /// The same of an angle of at most an eighth of a turn, where Taylor's series need few terms.
-#[inline]
-pub fn sin_cos_small(r: f32) -> (f32, f32) {
+#[inline(always)]
+pub fn sin_cos_small<R: Real>(r: R) -> (R, R) {
+    let k = R::of;
     let r2 = r * r;
-    let s = r + r * r2 * (-1.0 / 6.0 + r2 * (1.0 / 120.0 + r2 * (-1.0 / 5040.0 + r2 * (1.0 / 362_880.0))));
-    let c = 1.0 + r2 * (-0.5 + r2 * (1.0 / 24.0 + r2 * (-1.0 / 720.0 + r2 * (1.0 / 40_320.0))));
+    let s = r + r * r2 * (k(-1.0 / 6.0) + r2 * (k(1.0 / 120.0) + r2 * (k(-1.0 / 5040.0) + r2 * k(1.0 / 362_880.0))));
+    let c = k(1.0) + r2 * (k(-0.5) + r2 * (k(1.0 / 24.0) + r2 * (k(-1.0 / 720.0) + r2 * k(1.0 / 40_320.0))));
     (s, c)
 }
 

@@ -2,41 +2,40 @@
 
 use glam::Vec3;
 
+use super::real::{Real, Vector};
+
 /// A right-handed orthonormal frame whose third axis is a given unit vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame {
+pub struct Frame<V: Vector = Vec3> {
     /// First tangent.
-    pub s: Vec3,
+    pub s: V,
     /// Second tangent.
-    pub t: Vec3,
+    pub t: V,
     /// The given vector.
-    pub n: Vec3,
+    pub n: V,
 }
 
-impl Frame {
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Frame<V> {
     /// The frame about a unit vector, without branches and without a singular direction [Duff et al. 2017].
-    #[inline]
-    pub fn from_normal(n: Vec3) -> Frame {
-        let sign = 1.0f32.copysign(n.z);
-        let a = -1.0 / (sign + n.z);
-        let b = n.x * n.y * a;
-        Frame {
-            s: Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-            t: Vec3::new(b, sign + n.y * n.y * a, -n.y),
-            n,
-        }
+    #[inline(always)]
+    pub fn from_normal(n: V) -> Frame<V> {
+        let [x, y, z] = [n.x(), n.y(), n.z()];
+        let sign = R::of(1.0).copysign(z);
+        let a = R::of(-1.0) / (sign + z);
+        let b = x * y * a;
+        Frame { s: V::new(R::of(1.0) + sign * x * x * a, sign * b, -sign * x), t: V::new(b, sign + y * y * a, -y), n }
     }
 
     /// World to local.
-    #[inline]
-    pub fn to_local(&self, v: Vec3) -> Vec3 {
-        Vec3::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
+    #[inline(always)]
+    pub fn to_local(&self, v: V) -> V {
+        V::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
     }
 
     /// Local to world.
-    #[inline]
-    pub fn to_world(&self, v: Vec3) -> Vec3 {
-        self.s * v.x + self.t * v.y + self.n * v.z
+    #[inline(always)]
+    pub fn to_world(&self, v: V) -> V {
+        self.s * v.x() + self.t * v.y() + self.n * v.z()
     }
 }
 

@@ -4,8 +4,11 @@ pub mod discovery;
 pub mod distribution;
 pub mod elementary;
 pub mod frame;
+#[cfg(target_arch = "x86_64")]
+pub mod lanes;
 pub mod piecewise;
 pub mod prefetch;
+pub mod real;
 pub mod rng;
 pub mod stats;
 pub mod student;

@@ -3,29 +3,37 @@
 //! No state is carried from one sample to the next, so the numbers of a sample do not depend on the thread, the tile,
 //! the wave, or on whether a night was interrupted.
 
+use super::real::{Real, Word};
+
 /// Four well-mixed words from four words [Jarzynski & Olano 2020, "Hash Functions for GPU Rendering", pcg4d].
-#[inline]
-pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
-    let [mut x, mut y, mut z, mut w] = v.map(|a| a.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
-    x = x.wrapping_add(y.wrapping_mul(w));
-    y = y.wrapping_add(z.wrapping_mul(x));
-    z = z.wrapping_add(x.wrapping_mul(y));
-    w = w.wrapping_add(y.wrapping_mul(z));
-    x ^= x >> 16;
-    y ^= y >> 16;
-    z ^= z >> 16;
-    w ^= w >> 16;
-    x = x.wrapping_add(y.wrapping_mul(w));
-    y = y.wrapping_add(z.wrapping_mul(x));
-    z = z.wrapping_add(x.wrapping_mul(y));
-    w = w.wrapping_add(y.wrapping_mul(z));
-    [x, y, z, w]
+#[inline(always)]
+pub fn pcg4d<W: Word>([x, y, z, w]: [W; 4]) -> [W; 4] {
+    let [x, y, z, w] = stirred([sown(x), sown(y), sown(z), sown(w)]);
+    stirred([folded(x), folded(y), folded(z), folded(w)])
+}
+
+#[inline(always)]
+fn sown<W: Word>(a: W) -> W {
+    a.mul(W::of(1_664_525)).add(W::of(1_013_904_223))
+}
+
+#[inline(always)]
+fn folded<W: Word>(a: W) -> W {
+    a.xor(a.shr::<16>())
+}
+
+#[inline(always)]
+fn stirred<W: Word>([x, y, z, w]: [W; 4]) -> [W; 4] {
+    let x = x.add(y.mul(w));
+    let y = y.add(z.mul(x));
+    let z = z.add(x.mul(y));
+    [x, y, z, w.add(y.mul(z))]
 }
 
 /// A float in `[0, 1)` from the 24 upper bits of a word.
-#[inline]
-pub fn unit(word: u32) -> f32 {
-    (word >> 8) as f32 * (1.0 / 16_777_216.0)
+#[inline(always)]
+pub fn unit<W: Word>(word: W) -> W::Real {
+    word.shr::<8>().number() * W::Real::of(1.0 / 16_777_216.0)
 }
 
 /// A standard normal number from two uniform ones by the Box-Muller transform.

@@ -5,33 +5,40 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 use glam::{Vec2, Vec3};
 
 use super::elementary;
+use super::real::{Real, Vector};
 
 /// A point of the unit disk, area-preserving and nearly conformal [Shirley & Chiu 1997].
 #[inline]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
-    let a = 2.0 * u[0] - 1.0;
-    let b = 2.0 * u[1] - 1.0;
-    if a == 0.0 && b == 0.0 {
-        return Vec2::ZERO;
-    }
+    Vec2::from_array(on_disk(u))
+}
+
+/// [`concentric_disk`] for any number of points.
+#[inline(always)]
+fn on_disk<R: Real>(u: [R; 2]) -> [R; 2] {
+    let (zero, one, two) = (R::of(0.0), R::of(1.0), R::of(2.0));
+    let a = two * u[0] - one;
+    let b = two * u[1] - one;
     // About the axis that is nearer, so that the angle is at most an eighth of a turn.
-    let about_x = a.abs() > b.abs();
-    let (r, across) = if about_x { (a, b) } else { (b, a) };
-    let (sin, cos) = elementary::sin_cos_small(FRAC_PI_4 * (across / r));
-    if about_x { Vec2::new(r * cos, r * sin) } else { Vec2::new(r * sin, r * cos) }
+    let about_x = a.abs().gt(b.abs());
+    let (r, across) = (R::select(about_x, a, b), R::select(about_x, b, a));
+    let (sin, cos) = elementary::sin_cos_small(R::of(FRAC_PI_4) * (across / r));
+    let (near, far) = (r * cos, r * sin);
+    let middle = a.eq(zero) & b.eq(zero);
+    [R::select(middle, zero, R::select(about_x, near, far)), R::select(middle, zero, R::select(about_x, far, near))]
 }
 
 /// A direction of the upper hemisphere with density `cos / pi` per solid angle (Malley's method).
-#[inline]
-pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
-    let d = concentric_disk(u);
-    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
+#[inline(always)]
+pub fn cosine_hemisphere<R: Real>(u: [R; 2]) -> R::Vec3 {
+    let [x, y] = on_disk(u);
+    R::Vec3::new(x, y, (R::of(1.0) - (x * x + y * y)).max(R::of(0.0)).sqrt())
 }
 
 /// Density of [`cosine_hemisphere`] per solid angle.
-#[inline]
-pub fn cosine_hemisphere_pdf_w(cos_theta: f32) -> f32 {
-    cos_theta.max(0.0) / PI
+#[inline(always)]
+pub fn cosine_hemisphere_pdf_w<R: Real>(cos_theta: R) -> R {
+    cos_theta.max(R::of(0.0)) / R::of(PI)
 }
 
 /// A direction of the whole sphere with density `1 / (4 pi)`.

@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use crate::math::real::{Real, Vector, Word};
+
 /// A half-line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
@@ -54,16 +56,19 @@ const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
 /// Units in the last place of a step.
 const INT_SCALE: f32 = 256.0;
 
-/// [`offset_origin`] one axis after the other.
-#[cfg(any(test, not(target_arch = "x86_64")))]
-#[inline]
-fn offset_by_axis(p: Vec3, n: Vec3) -> Vec3 {
-    let axis = |p: f32, n: f32| {
-        let steps = (INT_SCALE * n) as i32;
-        let moved = f32::from_bits((p.to_bits() as i32).wrapping_add(if p < 0.0 { -steps } else { steps }) as u32);
-        if p.abs() < NEAR_ORIGIN { p + FLOAT_SCALE * n } else { moved }
-    };
-    Vec3::new(axis(p.x, n.x), axis(p.y, n.y), axis(p.z, n.z))
+/// [`offset_origin`] one axis after the other, for any number of points.
+#[inline(always)]
+pub fn offset_by_axis<V: Vector>(p: V, n: V) -> V {
+    V::new(offset_axis(p.x(), n.x()), offset_axis(p.y(), n.y()), offset_axis(p.z(), n.z()))
+}
+
+#[inline(always)]
+fn offset_axis<R: Real>(p: R, n: R) -> R {
+    let steps = (R::of(INT_SCALE) * n).truncated();
+    let bits = p.bits();
+    let negative = bits.negative();
+    let moved = bits.add(steps.xor(negative).sub(negative)).as_bits();
+    R::select(p.abs().lt(R::of(NEAR_ORIGIN)), p + R::of(FLOAT_SCALE) * n, moved)
 }
 
 /// [`offset_origin`] with all axes at once, the same to the bit: it stands at both ends of every shadow ray, and a cast

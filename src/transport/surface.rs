@@ -4,6 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::light::DirectSample;
 use super::ray::{Hit, Ray, offset_origin};
+use crate::math::real::{Real, Vector};
 use crate::math::rng::{pcg4d, unit};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{MaskMode, Material, NONE, Texture, Uv, UvMap};
@@ -36,6 +37,35 @@ pub struct Surface<'a> {
     pub overhang: Option<Overhang>,
 }
 
+/// Where a ray met a primitive, for any number of rays.
+#[derive(Clone, Copy, Debug)]
+pub struct Point<V> {
+    /// Position in world space.
+    pub position: V,
+    /// Unit normal of the primitive on its front side.
+    pub n_geometric: V,
+    /// Unit shading normal on the same side, before any map.
+    pub n_shading: V,
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Point<V> {
+    /// On a triangle, with these weights of its second and third corner. One without an area faces the ray.
+    #[inline(always)]
+    pub fn on_triangle([a, b, c]: [V; 3], [na, nb, nc]: [V; 3], [v, w]: [R; 2], dir: V) -> Point<V> {
+        let u = R::of(1.0) - v - w;
+        let n_geometric = (b - a).cross(c - a).normalize_or(-dir);
+        let n_shading = (na * u + nb * v + nc * w).normalize_or(n_geometric);
+        Point { position: a * u + b * v + c * w, n_geometric, n_shading }
+    }
+
+    /// On a sphere, near `at`.
+    #[inline(always)]
+    pub fn on_sphere(center: V, radius: R, at: V, dir: V) -> Point<V> {
+        let n = (at - center).normalize_or(-dir);
+        Point { position: center + n * radius, n_geometric: n, n_shading: n }
+    }
+}
+
 impl<'a> Surface<'a> {
     /// The surface at a hit of `ray`. A composed material is shown as a whole, as layers of the first surface want it:
     /// paths take [`Flight::arrive`](super::flight::Flight::arrive), which chooses a part.
@@ -50,14 +80,12 @@ impl<'a> Surface<'a> {
         let i = hit.primitive as usize;
         let material = &scene.materials[material as usize];
         let mut surface = if i < scene.triangles.len() {
-            let ([a, b, c], [na, nb, nc]) = scene.triangle(hit.primitive, hit.instance);
-            let [v, w] = hit.uv;
-            let u = 1.0 - v - w;
-            let n_geometric = (b - a).cross(c - a).normalize_or(-ray.dir);
+            let (corners, normals) = scene.triangle(hit.primitive, hit.instance);
+            let Point { position, n_geometric, n_shading } = Point::on_triangle(corners, normals, hit.uv, ray.dir);
             Surface {
-                position: a * u + b * v + c * w,
+                position,
                 n_geometric,
-                n_shading: (na * u + nb * v + nc * w).normalize_or(n_geometric),
+                n_shading,
                 tangent: Vec3::ZERO,
                 uv: scene.uv_at(hit.primitive, hit.uv),
                 tint: scene.tint_at(hit.primitive, hit.uv),
@@ -67,9 +95,10 @@ impl<'a> Surface<'a> {
             }
         } else {
             let sphere = &scene.spheres[i - scene.triangles.len()];
-            let n = (ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir);
+            let at = ray.origin + ray.dir * hit.t;
+            let Point { position, n_geometric: n, .. } = Point::on_sphere(sphere.center, sphere.radius, at, ray.dir);
             Surface {
-                position: sphere.center + n * sphere.radius,
+                position,
                 n_geometric: n,
                 n_shading: n,
                 tangent: Vec3::ZERO,

@@ -4,6 +4,7 @@
 use glam::Vec3;
 
 use super::ray::{Ray, Trace, offset_origin};
+use crate::math::real::{Real, Vector};
 
 /// What turns a density per solid angle at `from` into one per area at `to`, where the unit normal is `n_to`:
 /// `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero where the two coincide.
@@ -44,9 +45,9 @@ pub fn unobstructed(trace: &dyn Trace, from: Vec3, n_from: Vec3, dir: Vec3) -> b
 }
 
 /// The normal on the side of `dir`.
-#[inline]
-fn towards(n: Vec3, dir: Vec3) -> Vec3 {
-    if n.dot(dir) < 0.0 { -n } else { n }
+#[inline(always)]
+pub fn towards<V: Vector>(n: V, dir: V) -> V {
+    V::select(n.dot(dir).lt(V::Scalar::of(0.0)), -n, n)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
 //! [`accel`] holds the hierarchy, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
-//! the sums of films beside the main one, `times` those of films with a time axis, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
+//! the sums of films beside the main one, `times` those of films with a time axis, `streams` paths in the lanes of vectors, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
 mod bins;
@@ -14,6 +14,8 @@ mod layers;
 mod paths;
 pub mod rates;
 pub mod renderer;
+#[cfg(target_arch = "x86_64")]
+mod streams;
 mod times;
 mod traverse;
 mod wide;

@@ -11,6 +11,8 @@ use rayon::prelude::*;
 use super::accel::Accel;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
+#[cfg(target_arch = "x86_64")]
+use super::streams::Streams;
 use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
 use crate::film::layer::LayerFilm;
@@ -45,6 +47,9 @@ pub struct CpuRenderer {
     joint: Option<Film>,
     /// The layers, where the job asks for any.
     layers: Option<LayerSums>,
+    /// What shades paths in lanes, where the job can be done so.
+    #[cfg(target_arch = "x86_64")]
+    streams: Option<Streams>,
     /// The sums by time, where the job asks for them.
     times: Option<TimeSums>,
     /// The film that is the sum of those, made when it is asked for: that takes a look at every bin.
@@ -85,6 +90,8 @@ impl CpuRenderer {
             splats: OnceLock::new(),
             joint: None,
             layers,
+            #[cfg(target_arch = "x86_64")]
+            streams: Streams::of(&scene, &job, &accel),
             times,
             timed: OnceLock::new(),
             accel,
@@ -97,6 +104,14 @@ impl CpuRenderer {
 }
 
 impl CpuRenderer {
+    /// Whether paths are shaded several at a time in the lanes of vectors. Pictures have the same bits either way.
+    pub fn in_lanes(&self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return self.streams.is_some();
+        #[cfg(not(target_arch = "x86_64"))]
+        false
+    }
+
     /// Joins splats and own samples into one film.
     fn join(&mut self) {
         let Some(splats) = self.splats.get().filter(|_| self.own.samples > 0) else { return };
@@ -140,6 +155,20 @@ impl RowStats {
     }
 }
 
+/// Adds a sample to the sums of its pixel, if it is a number.
+#[inline]
+fn add(value: Vec3, sum: &mut [f64; 3], sum2: &mut [f64; 3]) -> bool {
+    let finite = value.is_finite();
+    if finite {
+        for c in 0..3 {
+            let v = f64::from(value[c]);
+            sum[c] += v;
+            sum2[c] += v * v;
+        }
+    }
+    finite
+}
+
 /// The sums of a row beside those of the picture.
 struct Apart<'a> {
     layers: Option<&'a mut [Sums]>,
@@ -181,6 +210,8 @@ impl Renderer for CpuRenderer {
             None => splats.get_or_init(|| SplatSums::new(width as usize * height as usize)),
         };
         let (layer_rows, spec) = LayerSums::rows(layers, height);
+        #[cfg(target_arch = "x86_64")]
+        let streams = self.streams.as_ref();
         let render_row = |y: u32, [sum, sum2]: [&mut [[f64; 3]]; 2], apart: Apart| {
             let trace = Counted { accel, rays: Cell::new(0) };
             let context = Context {
@@ -194,6 +225,16 @@ impl Renderer for CpuRenderer {
                 timing: job.timing.as_ref(),
             };
             let mut stats = RowStats::default();
+            #[cfg(target_arch = "x86_64")]
+            if let Some(streams) = streams {
+                streams.row(&context, job, y, first..first + samples, |x, sample, value| {
+                    if !add(value, &mut sum[x as usize], &mut sum2[x as usize]) {
+                        let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
+                        stats = stats.merge(RowStats { rays: 0, invalid: 1, first_invalid });
+                    }
+                });
+                return RowStats { rays: trace.rays.get(), ..stats };
+            }
             let mut buffer = idle().pop().unwrap_or_default();
             let mut tally = apart.layers.zip(spec).map(|(row, spec)| Tally::new(spec, row));
             let mut by_time = apart.times.zip(landing).map(|(row, landing)| Gathering::new(landing, row));
@@ -225,16 +266,8 @@ impl Renderer for CpuRenderer {
                             }
                         }
                     });
-                    let finite = value.is_finite();
-                    if finite {
-                        for c in 0..3 {
-                            let v = f64::from(value[c]);
-                            sum[x as usize][c] += v;
-                            sum2[x as usize][c] += v * v;
-                        }
-                    } else {
-                        invalid += 1;
-                    }
+                    let finite = add(value, &mut sum[x as usize], &mut sum2[x as usize]);
+                    invalid += u64::from(!finite);
                     if let Some(by_time) = &mut by_time {
                         invalid += u64::from(!by_time.close(x, finite));
                     }

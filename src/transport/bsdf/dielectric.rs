@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::{LobeSample, Mode, fresnel};
+use crate::math::real::{Real, Vector};
 
 /// Reflection or refraction, chosen by `u` with the Fresnel reflectance as probability, and that probability.
 ///
@@ -10,24 +11,37 @@ use super::{LobeSample, Mode, fresnel};
 /// the base colour once [Burley 2015, 5.3]; what is reflected is not tinted. `None` where refraction has no direction.
 #[inline]
 pub fn sample(base_color: Vec3, ior: f32, wo: Vec3, u: f32, mode: Mode) -> Option<(LobeSample, f32)> {
-    let interface = fresnel::dielectric(wo.z, ior);
-    if u < interface.reflectance {
-        let wi = Vec3::new(-wo.x, -wo.y, wo.z);
-        return Some((LobeSample { wi, weight: Vec3::ONE, eta: 1.0 }, interface.reflectance));
-    }
+    let (some, sample, probability) = choose(base_color, ior, wo, u, mode);
+    some.then_some((sample, probability))
+}
+
+/// [`sample`] for any number of directions; the mask says where there is one.
+#[inline(always)]
+pub(super) fn choose<R: Real, V: Vector<Scalar = R>>(
+    base_color: V,
+    ior: R,
+    wo: V,
+    u: R,
+    mode: Mode,
+) -> (R::Mask, LobeSample<V>, R) {
+    let one = R::of(1.0);
+    let interface = fresnel::dielectric(wo.z(), ior);
+    let reflects = u.lt(interface.reflectance);
     // From the tangential part rather than from the cosine, which says little of it near the normal.
-    let along = Vec3::new(-wo.x, -wo.y, 0.0) / interface.eta;
-    let cos2_t = 1.0 - along.length_squared();
-    if cos2_t <= 0.0 {
-        return None;
-    }
-    let wi = along + Vec3::Z * cos2_t.sqrt().copysign(-wo.z);
-    let tint = Vec3::new(base_color.x.sqrt(), base_color.y.sqrt(), base_color.z.sqrt());
+    let along = V::new(-wo.x(), -wo.y(), R::of(0.0)) / interface.eta;
+    let cos2_t = one - along.length_squared();
+    let refracted = V::new(along.x(), along.y(), cos2_t.sqrt().copysign(-wo.z()));
     let scale = match mode {
-        Mode::Radiance => 1.0 / (interface.eta * interface.eta),
-        Mode::Importance => 1.0,
+        Mode::Radiance => one / (interface.eta * interface.eta),
+        Mode::Importance => one,
     };
-    Some((LobeSample { wi, weight: tint * scale, eta: interface.eta }, 1.0 - interface.reflectance))
+    let sample = LobeSample {
+        wi: V::select(reflects, V::new(-wo.x(), -wo.y(), wo.z()), refracted),
+        weight: V::select(reflects, V::all(one), base_color.map(R::sqrt) * scale),
+        eta: R::select(reflects, one, interface.eta),
+    };
+    let probability = R::select(reflects, interface.reflectance, one - interface.reflectance);
+    (reflects | cos2_t.gt(R::of(0.0)), sample, probability)
 }
 
 #[cfg(test)]

@@ -14,44 +14,46 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::fresnel::schlick_weight;
+use crate::math::real::{Mask, Real, Vector};
 
 /// What the lobe needs of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Diffuse {
+pub struct Diffuse<V: Vector = Vec3> {
     /// Base colour.
-    pub base_color: Vec3,
+    pub base_color: V,
     /// Perceptual roughness.
-    pub roughness: f32,
+    pub roughness: V::Scalar,
     /// Part of the flatter variant.
-    pub subsurface: f32,
+    pub subsurface: V::Scalar,
     /// Colour and strength of the sheen.
-    pub sheen: Vec3,
+    pub sheen: V,
 }
 
-impl Diffuse {
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Diffuse<V> {
     /// The value for two directions on the upper side (equations 4.15 to 4.17 of the first document, and sheen).
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+    #[inline(always)]
+    pub fn eval(&self, wo: V, wi: V) -> V {
         // The half vector's cosine with either direction, from their own: |wo + wi| = 2 cos.
-        self.eval_at(wo.z, wi.z, 0.5 * (wo + wi).length())
+        self.eval_at(wo.z(), wi.z(), R::of(0.5) * (wo + wi).length())
     }
 
     /// The same for directions with these cosines, `cos_d` the one between either of them and their half vector.
-    #[inline]
-    pub fn eval_at(&self, cos_o: f32, cos_i: f32, cos_d: f32) -> Vec3 {
+    #[inline(always)]
+    pub fn eval_at(&self, cos_o: R, cos_i: R, cos_d: R) -> V {
+        let one = R::of(1.0);
         let (l, v) = (schlick_weight(cos_i), schlick_weight(cos_o));
         let cos2_d = cos_d * cos_d;
         let ss90 = self.roughness * cos2_d;
-        let fd90 = 0.5 + 2.0 * ss90;
-        let mut value = (1.0 + (fd90 - 1.0) * l) * (1.0 + (fd90 - 1.0) * v);
-        if self.subsurface > 0.0 {
-            let fss = (1.0 + (ss90 - 1.0) * l) * (1.0 + (ss90 - 1.0) * v);
-            let flat = 1.25 * (fss * (1.0 / (cos_i + cos_o).max(1e-6) - 0.5) + 0.5);
-            value += (flat - value) * self.subsurface;
+        let fd90 = R::of(0.5) + R::of(2.0) * ss90;
+        let mut value = (one + (fd90 - one) * l) * (one + (fd90 - one) * v);
+        if self.subsurface.gt(R::of(0.0)).any() {
+            let fss = (one + (ss90 - one) * l) * (one + (ss90 - one) * v);
+            let flat = R::of(1.25) * (fss * (one / (cos_i + cos_o).max(R::of(1e-6)) - R::of(0.5)) + R::of(0.5));
+            value = value + (flat - value) * self.subsurface;
         }
-        let mut f = self.base_color * (value * FRAC_1_PI);
-        if self.sheen != Vec3::ZERO {
-            f += self.sheen * schlick_weight(cos_d);
+        let mut f = self.base_color * (value * R::of(FRAC_1_PI));
+        if (!self.sheen.same(V::of(Vec3::ZERO))).any() {
+            f = f + self.sheen * schlick_weight(cos_d);
         }
         f
     }

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::beckmann::Beckmann;
 use super::ggx::Ggx;
+use crate::math::real::{Real, Vector};
 use crate::scene::compile::Distribution;
 
 /// Microfacets.
@@ -61,7 +62,7 @@ impl Facets {
 }
 
 /// The reflection of `o` at `h`.
-#[inline]
-pub fn mirrored(o: Vec3, h: Vec3) -> Vec3 {
-    h * (2.0 * o.dot(h)) - o
+#[inline(always)]
+pub fn mirrored<V: Vector>(o: V, h: V) -> V {
+    h * (V::Scalar::of(2.0) * o.dot(h)) - o
 }

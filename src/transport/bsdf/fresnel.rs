@@ -1,53 +1,59 @@
 //! Fresnel reflectance.
 
-use glam::Vec3;
+use crate::math::real::{Mask, Real, Vector};
 
 /// What an interface between dielectrics does with unpolarised light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interface {
+pub struct Interface<R = f32> {
     /// Reflected part, 0..=1.
-    pub reflectance: f32,
+    pub reflectance: R,
     /// Cosine of the refracted direction, positive; 0 under total internal reflection.
-    pub cos_t: f32,
+    pub cos_t: R,
     /// Index of the far side over that of the near side.
-    pub eta: f32,
+    pub eta: R,
 }
 
 /// The full Fresnel equations for `cos_i` (positive outside, negative inside) and the index `ior` of the inside
 /// relative to the outside.
-#[inline]
-pub fn dielectric(cos_i: f32, ior: f32) -> Interface {
-    let eta = if cos_i >= 0.0 { ior } else { 1.0 / ior };
-    let cos_i = cos_i.abs().min(1.0);
-    let cos2_t = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
-    if cos2_t <= 0.0 {
-        return Interface { reflectance: 1.0, cos_t: 0.0, eta };
+#[inline(always)]
+pub fn dielectric<R: Real>(cos_i: R, ior: R) -> Interface<R> {
+    let (zero, one) = (R::of(0.0), R::of(1.0));
+    let outside = cos_i.ge(zero);
+    let eta = if (!outside).any() { R::select(outside, ior, one / ior) } else { ior };
+    let cos_i = cos_i.abs().min(one);
+    let cos2_t = one - (one - cos_i * cos_i) / (eta * eta);
+    let total = cos2_t.le(zero);
+    if !(!total).any() {
+        return Interface { reflectance: one, cos_t: zero, eta };
     }
     let cos_t = cos2_t.sqrt();
     // Both amplitudes with one division.
     let (along, across) = (eta * cos_i + cos_t, cos_i + eta * cos_t);
-    let scale = 1.0 / (along * across);
+    let scale = one / (along * across);
     let parallel = (eta * cos_i - cos_t) * across * scale;
     let perpendicular = (cos_i - eta * cos_t) * along * scale;
-    Interface { reflectance: 0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t, eta }
+    let reflectance = R::of(0.5) * (parallel * parallel + perpendicular * perpendicular);
+    Interface { reflectance: R::select(total, one, reflectance), cos_t: R::select(total, zero, cos_t), eta }
 }
 
 /// Reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].
-#[inline]
-pub fn schlick(f0: Vec3, cos: f32) -> Vec3 {
-    f0 + (Vec3::ONE - f0) * schlick_weight(cos)
+#[inline(always)]
+pub fn schlick<V: Vector>(f0: V, cos: V::Scalar) -> V {
+    f0 + (V::all(Real::of(1.0)) - f0) * schlick_weight(cos)
 }
 
 /// `(1 - |cos|)^5`, how far Schlick's reflectance has gone from its value at normal incidence to white.
-#[inline]
-pub fn schlick_weight(cos: f32) -> f32 {
-    let m = (1.0 - cos.abs()).clamp(0.0, 1.0);
+#[inline(always)]
+pub fn schlick_weight<R: Real>(cos: R) -> R {
+    let m = (R::of(1.0) - cos.abs()).clamp(0.0, 1.0);
     let m2 = m * m;
     m2 * m2 * m
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]

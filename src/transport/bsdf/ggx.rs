@@ -7,43 +7,52 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use glam::Vec3;
 
 use crate::math::elementary;
+use crate::math::real::{Mask, Real, Vector};
 
 /// The least alpha: the same bound as the program of the first document and Mitsuba have.
 pub const MIN_ALPHA: f32 = 0.001;
 
 /// A GGX surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ggx {
+pub struct Ggx<R = f32> {
     /// Roughness along the tangent and the bitangent.
-    pub alpha: [f32; 2],
+    pub alpha: [R; 2],
 }
 
 /// The half vector of two directions, as far as densities of microfacets depend on it: all parts are of the unit vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Half {
+pub struct Half<R = f32> {
     /// The cosine with the normal, squared.
-    pub along2: f32,
+    pub along2: R,
     /// The squared part across the normal.
-    pub across2: f32,
+    pub across2: R,
     /// The same with each axis times alpha of the other one.
-    pub stretched2: f32,
+    pub stretched2: R,
 }
 
-impl Half {
+impl<R: Real> Half<R> {
     /// Of the sum of two unit vectors, given in those parts and with its squared length; and the cosine between it and
     /// either of them. A sum of nothing has the normal for a half vector.
-    #[inline]
-    pub fn of_sum(along: f32, across2: f32, stretched2: f32, length2: f32) -> (Half, f32) {
-        let scale = 1.0 / length2;
-        if !scale.is_finite() {
-            return (Half { along2: 1.0, across2: 0.0, stretched2: 0.0 }, 0.0);
-        }
+    #[inline(always)]
+    pub fn of_sum(along: R, across2: R, stretched2: R, length2: R) -> (Half<R>, R) {
+        let (zero, one) = (R::of(0.0), R::of(1.0));
+        let scale = one / length2;
         let half = Half { along2: along * along * scale, across2: across2 * scale, stretched2: stretched2 * scale };
-        (half, (0.5 * length2.sqrt()).min(1.0))
+        let cos = (R::of(0.5) * length2.sqrt()).min(one);
+        let none = !scale.is_finite();
+        if !none.any() {
+            return (half, cos);
+        }
+        let half = Half {
+            along2: R::select(none, one, half.along2),
+            across2: R::select(none, zero, half.across2),
+            stretched2: R::select(none, zero, half.stretched2),
+        };
+        (half, R::select(none, zero, cos))
     }
 }
 
-impl Ggx {
+impl Ggx<f32> {
     /// From perceptual roughness and anisotropy: alpha = roughness^2, stretched by the aspect sqrt(1 - 0.9 anisotropic)
     /// [Burley 2012].
     #[inline]
@@ -55,62 +64,67 @@ impl Ggx {
         let aspect = (1.0 - 0.9 * anisotropic).sqrt();
         Ggx { alpha: [(alpha / aspect).max(MIN_ALPHA), (alpha * aspect).max(MIN_ALPHA)] }
     }
+}
 
+impl<R: Real> Ggx<R> {
     /// The parts of the half vector of two directions with this sum, and its cosine with them: see [`Half::of_sum`].
-    #[inline]
-    pub fn half(&self, sum: Vec3) -> (Half, f32) {
+    #[inline(always)]
+    pub fn half(&self, sum: R::Vec3) -> (Half<R>, R) {
         let [ax, ay] = self.alpha;
-        let (x, y) = (sum.x * ay, sum.y * ax);
-        Half::of_sum(sum.z, sum.x * sum.x + sum.y * sum.y, x * x + y * y, sum.length_squared())
+        let (sx, sy) = (sum.x(), sum.y());
+        let (x, y) = (sx * ay, sy * ax);
+        Half::of_sum(sum.z(), sx * sx + sy * sy, x * x + y * y, sum.length_squared())
     }
 
     /// Density D of microfacet normals per solid angle and area of the macroscopic surface [Walter et al. 2007].
-    #[inline]
-    pub fn d(&self, h: Vec3) -> f32 {
-        let (x, y) = (h.x * self.alpha[1], h.y * self.alpha[0]);
-        self.d_at(&Half { along2: h.z * h.z, across2: h.x * h.x + h.y * h.y, stretched2: x * x + y * y })
+    #[inline(always)]
+    pub fn d(&self, h: R::Vec3) -> R {
+        let [hx, hy, hz] = [h.x(), h.y(), h.z()];
+        let (x, y) = (hx * self.alpha[1], hy * self.alpha[0]);
+        self.d_at(&Half { along2: hz * hz, across2: hx * hx + hy * hy, stretched2: x * x + y * y })
     }
 
     /// The same for a half vector.
-    #[inline]
-    pub fn d_at(&self, h: &Half) -> f32 {
+    #[inline(always)]
+    pub fn d_at(&self, h: &Half<R>) -> R {
         // 1 / (pi ax ay ((x / ax)^2 + (y / ay)^2 + z^2)^2), with one division.
         let area = self.alpha[0] * self.alpha[1];
         let s = h.stretched2 + h.along2 * (area * area);
-        FRAC_1_PI * area * area * area / (s * s)
+        R::of(FRAC_1_PI) * area * area * area / (s * s)
     }
 
     /// Smith's masking over the cosine, `G1(w) / z` [Heitz 2014], in a form that stays finite.
-    #[inline]
-    pub fn masking_over_cos(&self, w: Vec3) -> f32 {
-        let (x, y) = (self.alpha[0] * w.x, self.alpha[1] * w.y);
-        self.masking_at(w.z, x * x + y * y)
+    #[inline(always)]
+    pub fn masking_over_cos(&self, w: R::Vec3) -> R {
+        let (x, y) = (self.alpha[0] * w.x(), self.alpha[1] * w.y());
+        self.masking_at(w.z(), x * x + y * y)
     }
 
     /// The same for a direction with this cosine, whose part across the normal has this square when each axis is
     /// multiplied by its alpha.
-    #[inline]
-    pub fn masking_at(&self, cos: f32, spread2: f32) -> f32 {
-        2.0 / (cos + (cos * cos + spread2).sqrt())
+    #[inline(always)]
+    pub fn masking_at(&self, cos: R, spread2: R) -> R {
+        R::of(2.0) / (cos + (cos * cos + spread2).sqrt())
     }
 
     /// Density with which [`Ggx::sample`] finds the normal `h`, over `wo . h`: the Jacobian of a reflection cancels it.
-    #[inline]
-    pub fn pdf_over_dot(&self, wo: Vec3, h: Vec3) -> f32 {
+    #[inline(always)]
+    pub fn pdf_over_dot(&self, wo: R::Vec3, h: R::Vec3) -> R {
         self.masking_over_cos(wo) * self.d(h)
     }
 
     /// A microfacet normal with the density of those visible from `wo` [Heitz 2018], by spherical caps [Dupuy &
     /// Benyoub 2023].
-    #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+    #[inline(always)]
+    pub fn sample(&self, wo: R::Vec3, u: [R; 2]) -> R::Vec3 {
         let [ax, ay] = self.alpha;
-        let w = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize_or(Vec3::Z);
-        let (sin, cos) = elementary::sin_cos(TAU * u[0]);
-        let z = (1.0 - u[1]) * (1.0 + w.z) - w.z;
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        let h = Vec3::new(r * cos, r * sin, z) + w;
-        Vec3::new(ax * h.x, ay * h.y, h.z.max(0.0)).normalize_or(Vec3::Z)
+        let (zero, one, up) = (R::of(0.0), R::of(1.0), R::Vec3::of(Vec3::Z));
+        let w = R::Vec3::new(ax * wo.x(), ay * wo.y(), wo.z()).normalize_or(up);
+        let (sin, cos) = elementary::sin_cos(R::of(TAU) * u[0]);
+        let z = (one - u[1]) * (one + w.z()) - w.z();
+        let r = (one - z * z).max(zero).sqrt();
+        let h = R::Vec3::new(r * cos, r * sin, z) + w;
+        R::Vec3::new(ax * h.x(), ay * h.y(), h.z().max(zero)).normalize_or(up)
     }
 }
 

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
 use super::{LobeSample, Local, Mode, fresnel};
+use crate::math::real::{Real, Vector};
 
 /// Glass at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +45,10 @@ impl Glass {
             let common = 0.25 * r * facets.pdf_over_dot(o, h);
             return (self.specular * (common * facets.masking_over_cos(i)), common);
         }
-        let Some(passage) = Passage::between(o, i, eta) else { return (Vec3::ZERO, 0.0) };
+        let (bent, passage) = Passage::between(o, i, eta);
+        if !bent {
+            return (Vec3::ZERO, 0.0);
+        }
         let common = passage.spread(passage.passes * facets.pdf_over_dot(o, passage.h));
         let masking = facets.masking_over_cos(Vec3::new(i.x, i.y, -i.z));
         (self.tint() * (common * masking * passage.scale(mode)), common * eta * eta)
@@ -66,8 +70,9 @@ impl Glass {
         let h = facets.sample(o, v);
         let r = fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
         let reflects = u < r;
-        let wi = if reflects { mirrored(o, h) } else { refracted(o, h, eta)? };
-        if (wi.z > 0.0) != reflects {
+        let (bends, through) = refracted(o, h, eta);
+        let wi = if reflects { mirrored(o, h) } else { through };
+        if !(reflects || bends) || (wi.z > 0.0) != reflects {
             return None;
         }
         let (f, pdf_w) = self.density(o, wi, eta, mode);
@@ -92,52 +97,51 @@ impl Glass {
 /// Light that passes a facet, from `o` on the upper side to `i` on the lower one [Walter et al. 2007, equations 17 and 21].
 /// Every rough refractive lobe is made of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Passage {
+pub struct Passage<V: Vector = Vec3> {
     /// The normal of the facet, on the upper side.
-    pub h: Vec3,
+    pub h: V,
     /// The part that is not reflected.
-    pub passes: f32,
+    pub passes: V::Scalar,
     /// Cosines of `o` and `i` with it, and the index of the lower side relative to the upper one.
-    dot: [f32; 2],
-    eta: f32,
+    dot: [V::Scalar; 2],
+    eta: V::Scalar,
 }
 
-impl Passage {
-    /// The one facet that bends `o` into `i`, if any does; `eta` is the index of the lower side relative to the upper one.
-    #[inline]
-    pub fn between(o: Vec3, i: Vec3, eta: f32) -> Option<Passage> {
-        let h = (o + i * eta).normalize_or(Vec3::Z);
-        let h = if h.z < 0.0 { -h } else { h };
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Passage<V> {
+    /// The one facet that bends `o` into `i`, and whether any does; `eta` is the index of the lower side relative to the upper one.
+    #[inline(always)]
+    pub fn between(o: V, i: V, eta: R) -> (R::Mask, Passage<V>) {
+        let zero = R::of(0.0);
+        let h = (o + i * eta).normalize_or(V::of(Vec3::Z));
+        let h = V::select(h.z().lt(zero), -h, h);
         let dot = [o.dot(h), i.dot(h)];
-        if dot[0] <= 0.0 || dot[1] >= 0.0 {
-            return None;
-        }
-        Some(Passage { h, passes: 1.0 - fresnel::dielectric(dot[0], eta).reflectance, dot, eta })
+        let passes = R::of(1.0) - fresnel::dielectric(dot[0], eta).reflectance;
+        (!(dot[0].le(zero) | dot[1].ge(zero)), Passage { h, passes, dot, eta })
     }
 
     /// A density over facets, over the cosine of `o`, as one over directions of `i`, but for `eta^2`.
-    #[inline]
-    pub fn spread(&self, density: f32) -> f32 {
+    #[inline(always)]
+    pub fn spread(&self, density: R) -> R {
         let [dot_o, dot_i] = self.dot;
         let bend = dot_o + self.eta * dot_i;
         density * dot_o * -dot_i / (bend * bend)
     }
 
     /// Radiance is compressed into `1 / eta^2` of the solid angle that importance is.
-    #[inline]
-    pub fn scale(&self, mode: Mode) -> f32 {
+    #[inline(always)]
+    pub fn scale(&self, mode: Mode) -> R {
         match mode {
-            Mode::Radiance => 1.0,
+            Mode::Radiance => R::of(1.0),
             Mode::Importance => self.eta * self.eta,
         }
     }
 }
 
-/// The direction refracted at `h`. Its tangential part is taken from the vectors rather than from their cosine, which has
+/// The direction refracted at `h`, and whether there is one. Its tangential part is taken from the vectors rather than from their cosine, which has
 /// no digits left for it near the normal: what is returned is a unit vector even where rays are bent strongly.
-#[inline]
-pub fn refracted(o: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
+#[inline(always)]
+pub fn refracted<R: Real, V: Vector<Scalar = R>>(o: V, h: V, eta: R) -> (R::Mask, V) {
     let along = (h * o.dot(h) - o) / eta;
-    let cos2_t = 1.0 - along.length_squared();
-    (cos2_t > 0.0).then(|| along - h * cos2_t.sqrt())
+    let cos2_t = R::of(1.0) - along.length_squared();
+    (cos2_t.gt(R::of(0.0)), along - h * cos2_t.sqrt())
 }

@@ -50,14 +50,12 @@ pub mod plastic;
 
 use glam::Vec3;
 
-use self::clearcoat::Clearcoat;
-use self::diffuse::Diffuse;
 use self::disney::Disney;
-use self::ggx::Ggx;
 use self::ideal::Ideal;
 use self::interface::Interface;
 use super::surface::{Surface, lookup_scalar};
 use crate::math::Frame;
+use crate::math::real::{Mask, Real, Vector};
 use crate::scene::compile::{Model, Texture};
 
 /// What is transported: it decides how refraction scales [Veach 1997, 5.2] and what a shading normal does [5.3].
@@ -71,30 +69,52 @@ pub enum Mode {
 
 /// A sampled direction in a lobe's local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LobeSample {
+pub struct LobeSample<V: Vector = Vec3> {
     /// The direction.
-    pub wi: Vec3,
+    pub wi: V,
     /// `f |cos| / pdf_w` of this lobe alone.
-    pub weight: Vec3,
+    pub weight: V,
     /// Index ratio crossed: inside over outside when entering, its inverse when leaving, 1 when reflected.
-    pub eta: f32,
+    pub eta: V::Scalar,
 }
 
 /// A sampled direction of a mixture in the local frame; the weight is that of the mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Local {
+pub struct Local<V: Vector = Vec3> {
     /// Direction, weight and index ratio.
-    pub sample: LobeSample,
+    pub sample: LobeSample<V>,
     /// Density of the mixture, or the probability of the choice where `delta`.
-    pub pdf_w: f32,
+    pub pdf_w: V::Scalar,
     /// Whether the lobe is a Dirac.
-    pub delta: bool,
+    pub delta: <V::Scalar as Real>::Mask,
 }
 
-impl Local {
-    #[inline]
-    fn new(sample: LobeSample, pdf_w: f32, delta: bool) -> Local {
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Local<V> {
+    #[inline(always)]
+    fn new(sample: LobeSample<V>, pdf_w: R, delta: R::Mask) -> Local<V> {
         Local { sample, pdf_w, delta }
+    }
+
+    /// Nothing, black.
+    #[inline(always)]
+    fn none() -> Local<V> {
+        let zero = R::of(0.0);
+        let (wi, weight) = (V::all(zero), V::all(zero));
+        Local::new(LobeSample { wi, weight, eta: R::of(1.0) }, zero, R::Mask::of(true))
+    }
+
+    /// `yes` where the mask is set, else `no`.
+    #[inline(always)]
+    fn select(mask: R::Mask, yes: Local<V>, no: Local<V>) -> Local<V> {
+        Local {
+            sample: LobeSample {
+                wi: V::select(mask, yes.sample.wi, no.sample.wi),
+                weight: V::select(mask, yes.sample.weight, no.sample.weight),
+                eta: R::select(mask, yes.sample.eta, no.sample.eta),
+            },
+            pdf_w: R::select(mask, yes.pdf_w, no.pdf_w),
+            delta: mask & yes.delta | !mask & no.delta,
+        }
     }
 }
 
@@ -184,28 +204,7 @@ impl Bsdf {
             Model::Lambert => Kind::Ideal(Ideal { base_color, ior: m.ior, mix: [opaque, metallic, refractive] }),
             Model::Disney => {
                 let roughness = scalar(m.roughness_texture, m.roughness);
-                let hue = |part: f32| if part > 0.0 { Vec3::ONE.lerp(hue_of(base_color), part) } else { Vec3::ONE };
-                let tinted_f0 =
-                    (m.specular_tint > 0.0).then(|| (hue(m.specular_tint) * disney::f0_of(m.ior)).min(Vec3::ONE));
-                let disney = Disney {
-                    base_color,
-                    opaque,
-                    metallic,
-                    refractive,
-                    ior: m.ior,
-                    tinted_f0,
-                    diffuse: Diffuse {
-                        base_color,
-                        roughness,
-                        subsurface: m.subsurface,
-                        sheen: if m.sheen > 0.0 { hue(m.sheen_tint) * m.sheen } else { Vec3::ZERO },
-                    },
-                    ggx: Ggx::new(roughness, m.anisotropic),
-                    smooth: roughness < m.smooth_below,
-                    coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss),
-                    estimate: disney::Estimate::default(),
-                };
-                Kind::Disney(disney.ready())
+                Kind::Disney(Disney::new(m, base_color, roughness, [opaque, metallic, refractive]))
             }
         };
         let n_geometric = surface.n_geometric;
@@ -370,7 +369,10 @@ impl Bsdf {
                 let reverse = if REVERSE && !s.delta { k.pdf_w(s.sample.wi, o) } else { 0.0 };
                 (s, reverse)
             }
-            Kind::Disney(k) => k.sample::<REVERSE>(&out.view, u, v, mode)?,
+            Kind::Disney(k) => {
+                let (some, s, reverse) = k.sample::<REVERSE>(&out.view, u, v, mode);
+                some.then_some((s, reverse))?
+            }
             Kind::Interface(k) => {
                 let s = k.sample(o, u, v, mode)?;
                 let reverse = if REVERSE && !s.delta { k.evaluate(o, s.sample.wi, mode).1[1] } else { 0.0 };
@@ -436,11 +438,4 @@ fn frame(surface: &Surface) -> Frame {
         }
     }
     Frame::from_normal(n)
-}
-
-/// A colour of luminance 1 with the hue of the given one; white for black.
-#[inline]
-fn hue_of(c: Vec3) -> Vec3 {
-    let luminance = c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
-    if luminance > 0.0 { c / luminance } else { Vec3::ONE }
 }

@@ -11,6 +11,7 @@ use crate::transport::contribution::Contribution;
 use crate::transport::flight::{self, Chance, Flight};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
+use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::{Overhang, Surface};
 use crate::transport::vertex;
@@ -34,10 +35,12 @@ pub const ROW: IntegratorRow = IntegratorRow {
 };
 
 /// The event that sent a path on its way, as far as light sampling could have done the same.
-#[derive(Clone, Copy)]
-struct Last {
-    from: Vec3,
-    pdf_w: f32,
+#[derive(Clone, Copy, Debug)]
+pub struct Last {
+    /// Where it went on.
+    pub from: Vec3,
+    /// Density per solid angle of the direction that it took.
+    pub pdf_w: f32,
 }
 
 /// The weight of light that a path met by chance, given the density per solid angle with which light sampling finds it.
@@ -64,23 +67,90 @@ fn path<const TIMED: bool>(
     sampler: &mut Sampler,
     sink: &mut dyn FnMut(Contribution),
 ) {
-    let Context { scene, lights, settings, .. } = *context;
-    let mut ray = context.camera.sample_ray(pixel, sampler);
-    let mut chance = Chance::new::<TIMED>(sampler);
-    let mut flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
-    let mut throughput = Vec3::ONE;
-    // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
-    let mut eta_scale = 1.0f32;
-    let mut last = None;
-    let mut over: Option<Overhang> = None;
+    let ray = context.camera.sample_ray(pixel, sampler);
+    let mut walk = Walk::<TIMED>::of_camera(context, ray, sampler);
     for depth in 1..=context.max_depth {
+        let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
+        if !walk.step(context, pixel, sampler, sink, depth, hit) {
+            break;
+        }
+    }
+}
+
+/// What a path brings to its next vertex, where neither time nor an overhang matters.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    /// The ray on which it is.
+    pub ray: Ray,
+    /// What light counts that it meets.
+    pub throughput: Vec3,
+    /// Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
+    pub eta_scale: f32,
+    /// What sent it there; `None` from the camera, and after a specular event.
+    pub last: Option<Last>,
+}
+
+impl State {
+    /// Of a path that begins.
+    #[inline]
+    pub fn of_camera(ray: Ray) -> State {
+        State { ray, throughput: Vec3::ONE, eta_scale: 1.0, last: None }
+    }
+
+    /// One step by itself, of a path without a clock in a scene without overhangs: [`Walk::step`].
+    pub fn step(
+        &mut self,
+        context: &Context,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+        sink: &mut dyn FnMut(Contribution),
+        depth: u32,
+        hit: Option<Hit>,
+    ) -> bool {
+        let mut walk = Walk::<false> { state: *self, ..Walk::of_camera(context, self.ray, sampler) };
+        let goes_on = walk.step(context, pixel, sampler, sink, depth, hit);
+        *self = walk.state;
+        goes_on
+    }
+}
+
+/// A path on its way.
+struct Walk<'a, const TIMED: bool> {
+    state: State,
+    over: Option<Overhang>,
+    chance: Chance,
+    flight: Flight<'a, TIMED>,
+}
+
+impl<'a, const TIMED: bool> Walk<'a, TIMED> {
+    #[inline]
+    fn of_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> Walk<'a, TIMED> {
+        let mut chance = Chance::new::<TIMED>(sampler);
+        let flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
+        Walk { state: State::of_camera(ray), over: None, chance, flight }
+    }
+
+    /// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.
+    #[inline(always)]
+    fn step(
+        &mut self,
+        context: &Context<'a>,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+        sink: &mut dyn FnMut(Contribution),
+        depth: u32,
+        hit: Option<Hit>,
+    ) -> bool {
+        let Context { scene, lights, settings, .. } = *context;
+        let Walk { state, over, chance, flight } = self;
+        let State { ray, throughput, last, .. } = *state;
         let mut found = |radiance: Vec3, weight: f32, length: f64| {
             if radiance != Vec3::ZERO {
                 let unweighted = throughput * radiance;
                 sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 0, t: depth + 1, length });
             }
         };
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+        let Some(hit) = hit else {
             let radiance = lights.environment(ray.dir);
             if radiance != Vec3::ZERO {
                 let pdf_w = |_| {
@@ -92,15 +162,15 @@ fn path<const TIMED: bool>(
                 };
                 found(radiance, weight_of_hit(settings, last, pdf_w), flight.escaped(context, ray.dir));
             }
-            break;
+            return false;
         };
         // The last edge finds light or nothing.
         if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
-            break;
+            return false;
         }
-        let surface = flight.arrive(context, &ray, &hit, &mut chance);
+        let surface = flight.arrive(context, &ray, &hit, chance);
         if over.is_some_and(|o| !o.reaches(surface.position)) {
-            break;
+            return false;
         }
         let wo = -ray.dir;
         let emitted = surface.emitted(&scene.textures, wo);
@@ -116,7 +186,7 @@ fn path<const TIMED: bool>(
             found(emitted, weight_of_hit(settings, last, pdf_w), flight.stamp().arrived());
         }
         if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
-            break;
+            return false;
         }
         let bsdf = Bsdf::new(&surface, &scene.textures);
         let out = bsdf.outgoing(wo);
@@ -144,24 +214,25 @@ fn path<const TIMED: bool>(
             }
         }
         let choice = sampler.next_1d();
-        let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { break };
-        throughput *= s.weight;
-        eta_scale *= s.eta * s.eta;
-        over = surface.overhang_into(s.wi);
+        let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { return false };
+        state.throughput *= s.weight;
+        state.eta_scale *= s.eta * s.eta;
+        *over = surface.overhang_into(s.wi);
         let from = over.map_or(surface.position, |o| o.crest);
-        last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
+        state.last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
         if context.rr_start.is_some_and(|start| depth >= start) {
-            let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
+            let survival = (state.throughput.max_element() * state.eta_scale).min(MAX_SURVIVAL);
             if sampler.next_1d() >= survival {
-                break;
+                return false;
             }
-            throughput /= survival;
+            state.throughput /= survival;
         }
-        if throughput == Vec3::ZERO {
-            break;
+        if state.throughput == Vec3::ZERO {
+            return false;
         }
         flight.leave(surface.position, s.eta);
-        ray = surface.spawn(s.wi);
+        state.ray = surface.spawn(s.wi);
+        true
     }
 }
 

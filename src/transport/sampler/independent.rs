@@ -1,5 +1,6 @@
 //! Independent uniform numbers.
 
+use crate::math::real::{Real, Word};
 use crate::math::rng::{pcg4d, unit};
 
 /// Independent uniform numbers. The state is a key and a counter of dimensions; nothing else decides a number.
@@ -32,8 +33,35 @@ impl Independent {
 
     /// The key.
     #[inline]
-    pub(super) fn key(&self) -> [u32; 4] {
+    pub fn key(&self) -> [u32; 4] {
         self.key
+    }
+
+    /// How many numbers were taken.
+    #[inline]
+    pub fn taken(&self) -> u32 {
+        self.block.wrapping_mul(4).wrapping_sub(4 - self.used as u32)
+    }
+
+    /// The numbers of a key, of which so many were taken.
+    #[inline]
+    pub fn resumed(key: [u32; 4], taken: u32) -> Independent {
+        let mut numbers = Independent { block: taken / 4, ..Independent::keyed(key) };
+        for _ in 0..taken % 4 {
+            numbers.next_1d();
+        }
+        numbers
+    }
+
+    /// The next three numbers of keys of which so many were taken, for any number of keys.
+    #[inline(always)]
+    pub fn next_three<W: Word>(key: [W; 4], taken: W) -> [W::Real; 3] {
+        let block = key[3].add(taken.shr::<2>());
+        let [a, b, c, d] = pcg4d([key[0], key[1], key[2], block]);
+        let [e, f, ..] = pcg4d([key[0], key[1], key[2], block.add(W::of(1))]);
+        let within = taken.and(W::of(3));
+        let late = [within.eq(W::of(1)), within.eq(W::of(2)), within.eq(W::of(3))];
+        [chosen(late, [a, b, c, d]), chosen(late, [b, c, d, e]), chosen(late, [c, d, e, f])]
     }
 
     /// The next number, in `[0, 1)`.
@@ -51,10 +79,17 @@ impl Independent {
     }
 }
 
+/// The number of the word that stands as far on as one of the masks says, or of the first.
+#[inline(always)]
+fn chosen<R: Real>([one, two, three]: [R::Mask; 3], words: [R::Word; 4]) -> R {
+    let far = R::Word::select(three, words[3], R::Word::select(two, words[2], words[0]));
+    unit(R::Word::select(one, words[1], far))
+}
+
 #[cfg(test)]
 mod tests {
     use crate::math::stats::chi_square_p;
-    use crate::transport::sampler::Sampler;
+    use crate::transport::sampler::{Independent, Sampler};
 
     #[test]
     fn golden_numbers_never_change() {
@@ -63,6 +98,18 @@ mod tests {
         let ([a, b], c, [d, e]) = (s.next_2d(), s.next_1d(), s.next_2d());
         let numbers = [a, b, c, d, e].map(|x| (x * 16_777_216.0) as u32);
         assert_eq!(numbers, [11_238_112, 5_423_057, 9_467_810, 14_703_034, 1_590_657]);
+    }
+
+    #[test]
+    fn numbers_go_on_wherever_they_were_left() {
+        let mut whole = Independent::keyed([1, 2, 3, 4]);
+        for taken in 0..13 {
+            assert_eq!(whole.taken(), taken);
+            let mut rest = Independent::resumed([1, 2, 3, 4], taken);
+            assert_eq!(rest.taken(), taken);
+            assert_eq!(Independent::next_three(whole.key(), taken), [0; 3].map(|_| rest.next_1d()));
+            whole.next_1d();
+        }
     }
 
     #[test]

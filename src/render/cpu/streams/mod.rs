@@ -1,0 +1,223 @@
+//! Many paths of `nee` together, a step of all of them before the next: eight at a time are shaded in the lanes of one
+//! vector, between steps sorted by what their surfaces need.
+//!
+//! A tile is 256 samples, one after the other as the loop over pixels has them. In each step their rays are traced one by
+//! one, as ever; those that met a surface which [lanes know](table) are gathered by its class into full vectors and
+//! shaded together, all others make the step that [`nee`] makes of them. What is light from sampled points waits for its
+//! shadow ray until all are shaded.
+//!
+//! Nothing of this can be seen in a picture. The equations are those of [`crate::transport`], written once for any number
+//! of lanes, and every sample's light is added in the order of its path: so the film has the same bits, and a picture's
+//! identity does not know who made it. Tests hold both against each other.
+//!
+//! [`nee`]: crate::transport::integrator::nee
+
+mod shade;
+mod table;
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use self::table::Table;
+use super::accel::Accel;
+use super::lanes::Isa;
+use crate::math::lanes::Row;
+use crate::render::Job;
+use crate::scene::CompiledScene;
+use crate::scene::compile::NONE;
+use crate::transport::contribution::Contribution;
+use crate::transport::integrator::nee::{self, Last, State};
+use crate::transport::integrator::{Context, Settings};
+use crate::transport::ray::{Hit, Ray};
+use crate::transport::sampler::{self, Independent, Sampler};
+
+/// Samples of a tile: their records fill half of a cache of the first level.
+const TILE: usize = 256;
+
+/// In the place of a density where the last event was specular.
+const SPECULAR: f32 = -1.0;
+
+/// What is known of a scene before its rays are.
+pub struct Streams {
+    table: Table,
+}
+
+/// A path between two steps: 32 numbers, rows 0 and 1 what [`State`] has and how many random numbers were taken, row 2
+/// where its ray met what, and the key of its numbers.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
+struct Record {
+    rows: [Row; 3],
+}
+
+/// Light that waits for its shadow ray: the ray and how far it goes, and what it brings to whom.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    ray: Ray,
+    distance: f32,
+    value: Vec3,
+    path: u32,
+}
+
+/// The paths of a tile, and who of them is where.
+#[derive(Default)]
+struct Tile {
+    records: Vec<Record>,
+    values: Vec<Vec3>,
+    waiting: Vec<Waiting>,
+    next: Vec<u32>,
+}
+
+impl Record {
+    fn of_camera(ray: Ray, numbers: &Independent) -> Record {
+        let mut record = Record::default();
+        let [a, b, c, d] = numbers.key().map(f32::from_bits);
+        record.rows[2].0 = [0.0, 0.0, 0.0, 0.0, a, b, c, d];
+        record.put(&State::of_camera(ray), numbers.taken());
+        record
+    }
+
+    fn put(&mut self, state: &State, taken: u32) {
+        let State { ray: Ray { origin: o, dir: d }, throughput: t, eta_scale, last } = *state;
+        let (from, pdf_w) = last.map_or((Vec3::ZERO, SPECULAR), |last| (last.from, last.pdf_w));
+        self.rows[0].0 = [o.x, o.y, o.z, d.x, d.y, d.z, t.x, t.y];
+        self.rows[1].0 = [t.z, from.x, from.y, from.z, pdf_w, eta_scale, f32::from_bits(taken), 0.0];
+    }
+
+    fn ray(&self) -> Ray {
+        let [x, y, z, u, v, w, ..] = self.rows[0].0;
+        Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+    }
+
+    fn state(&self) -> State {
+        let [.., tx, ty] = self.rows[0].0;
+        let [tz, x, y, z, pdf_w, eta_scale, ..] = self.rows[1].0;
+        let last = (pdf_w != SPECULAR).then_some(Last { from: Vec3::new(x, y, z), pdf_w });
+        State { ray: self.ray(), throughput: Vec3::new(tx, ty, tz), eta_scale, last }
+    }
+
+    fn numbers(&self) -> Independent {
+        let [.., a, b, c, d] = self.rows[2].0;
+        Independent::resumed([a, b, c, d].map(f32::to_bits), self.rows[1].0[6].to_bits())
+    }
+
+    fn meet(&mut self, hit: &Hit) {
+        self.rows[2].0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+    }
+}
+
+impl Streams {
+    /// For a job that can be done so: `nee` with one light for each vertex, independent numbers and nothing but a picture, in
+    /// a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None` for all others, and
+    /// where no surface would gain.
+    pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
+        let plain = job.integrator.name == nee::ROW.name
+            && job.sampler.name == sampler::INDEPENDENT.name
+            && job.layers.is_empty()
+            && job.timing.is_none()
+            && !Settings::new(&job.params).all_lights
+            && scene.delays.is_empty()
+            && !scene.materials.iter().any(|m| m.shadow_terminator);
+        if !plain || accel.isa() != Isa::Avx2 {
+            return None;
+        }
+        Table::of(scene).map(|table| Streams { table })
+    }
+
+    /// Some samples of all pixels of row `y`, each handed over with its column and index in the order of the loops.
+    pub fn row(&self, context: &Context, job: &Job, y: u32, samples: Range<u64>, mut done: impl FnMut(u32, u64, Vec3)) {
+        let mut tile = Tile::default();
+        let mut named: Vec<(u32, u64)> = Vec::with_capacity(TILE);
+        for x in 0..job.resolution[0] {
+            for sample in samples.clone() {
+                named.push((x, sample));
+                if named.len() == TILE {
+                    self.tile(context, job, y, &mut named, &mut tile, &mut done);
+                }
+            }
+        }
+        self.tile(context, job, y, &mut named, &mut tile, &mut done);
+    }
+
+    fn tile(
+        &self,
+        context: &Context,
+        job: &Job,
+        y: u32,
+        named: &mut Vec<(u32, u64)>,
+        tile: &mut Tile,
+        done: &mut impl FnMut(u32, u64, Vec3),
+    ) {
+        tile.records.clear();
+        for (x, sample) in named.iter() {
+            let mut sampler = (job.sampler.start)(job.seed, [*x, y], *sample);
+            let ray = context.camera.sample_ray([*x, y], &mut sampler);
+            if let Sampler::Independent(numbers) = &sampler {
+                tile.records.push(Record::of_camera(ray, numbers));
+            }
+        }
+        tile.values.clear();
+        tile.values.resize(tile.records.len(), Vec3::ZERO);
+        self.paths(context, named, y, tile);
+        for ((x, sample), value) in named.drain(..).zip(&tile.values) {
+            done(x, sample, *value);
+        }
+    }
+
+    fn paths(&self, context: &Context, named: &[(u32, u64)], y: u32, tile: &mut Tile) {
+        let mut active: Vec<u32> = (0..tile.records.len() as u32).collect();
+        let mut lists: Vec<Vec<u32>> = vec![Vec::new(); self.table.classes()];
+        for depth in 1..=context.max_depth {
+            tile.next.clear();
+            for path in active.iter().copied() {
+                let record = &mut tile.records[path as usize];
+                let hit = context.trace.closest(&record.ray(), f32::INFINITY);
+                let class = hit.filter(|h| h.instance == NONE && depth < context.max_depth);
+                if let Some((class, hit)) = class.and_then(|h| Some((self.table.class(h.primitive)?, h))) {
+                    record.meet(&hit);
+                    lists[class].push(path);
+                } else if brings_nothing(context, depth, hit) {
+                    continue;
+                } else if alone(context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
+                    tile.next.push(path);
+                }
+            }
+            for (class, list) in lists.iter_mut().enumerate() {
+                self.table.shade(class, context, depth, list, tile);
+                list.clear();
+            }
+            for light in tile.waiting.drain(..) {
+                if light.distance <= 0.0 || !context.trace.occluded(&light.ray, light.distance) {
+                    tile.values[light.path as usize] += light.value;
+                }
+            }
+            std::mem::swap(&mut active, &mut tile.next);
+        }
+    }
+}
+
+/// Whether a step would end the path without any light: known without making it.
+#[inline]
+fn brings_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
+    match hit {
+        Some(hit) => depth == context.max_depth && context.scene.emitter_of(hit.primitive, hit.instance) == NONE,
+        None => context.scene.environment.is_none(),
+    }
+}
+
+/// A step of one path by itself; whether it goes on.
+fn alone(context: &Context, pixel: [u32; 2], depth: u32, hit: Option<Hit>, path: usize, tile: &mut Tile) -> bool {
+    let record = &mut tile.records[path];
+    let mut state = record.state();
+    let mut sampler = Sampler::Independent(record.numbers());
+    let value = &mut tile.values[path];
+    let mut sink = |c: Contribution| *value += c.value;
+    let goes_on = state.step(context, pixel, &mut sampler, &mut sink, depth, hit);
+    if let Sampler::Independent(numbers) = &sampler
+        && goes_on
+    {
+        record.put(&state, numbers.taken());
+    }
+    goes_on
+}

@@ -1,0 +1,283 @@
+//! A step of up to eight paths in the lanes of one vector.
+
+use glam::Vec3;
+
+use super::table::{Common, Table};
+use super::{SPECULAR, Tile, Waiting};
+use crate::math::Frame;
+use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
+use crate::math::real::{Mask, Real, Vector, Word};
+use crate::scene::CompiledScene;
+use crate::transport::MAX_SURVIVAL;
+use crate::transport::bsdf::Mode;
+use crate::transport::bsdf::clearcoat::Clearcoat;
+use crate::transport::bsdf::diffuse::Diffuse;
+use crate::transport::bsdf::disney::{Disney, Estimate, View};
+use crate::transport::bsdf::ggx::Ggx;
+use crate::transport::integrator::Context;
+use crate::transport::ray::{Ray, offset_by_axis};
+use crate::transport::sampler::Independent;
+use crate::transport::surface::Point;
+use crate::transport::vertex::towards;
+
+/// A BSDF in rows, for [`bsdfs`].
+pub(super) fn rows_of(d: &Disney) -> [Row; 3] {
+    let (c, sheen, tinted) = (d.base_color, d.diffuse.sheen, d.tinted_f0.unwrap_or_default());
+    let Estimate { diffuse, reflection, rise } = d.estimate;
+    [
+        Row([c.x, c.y, c.z, d.opaque, d.metallic, d.refractive, d.ior, d.diffuse.roughness]),
+        Row([d.ggx.alpha[0], d.diffuse.subsurface, sheen.x, sheen.y, sheen.z, tinted.x, tinted.y, tinted.z]),
+        Row([d.coat.strength, d.coat.alpha, diffuse, reflection, rise, 0.0, 0.0, 0.0]),
+    ]
+}
+
+/// The BSDFs that eight materials have.
+#[inline(always)]
+fn bsdfs(rows: [&[Row; 3]; LANES], common: &Common) -> Disney<Vectors> {
+    let a = transposed(rows.map(|r| &r[0]));
+    let b = transposed(rows.map(|r| &r[1]));
+    let c = transposed(rows.map(|r| &r[2]));
+    let base_color = Vectors::new(a[0], a[1], a[2]);
+    Disney {
+        base_color,
+        opaque: a[3],
+        metallic: a[4],
+        refractive: a[5],
+        ior: a[6],
+        tinted_f0: common.tinted.then(|| Vectors::new(b[5], b[6], b[7])),
+        diffuse: Diffuse { base_color, roughness: a[7], subsurface: b[1], sheen: Vectors::new(b[2], b[3], b[4]) },
+        ggx: Ggx { alpha: [b[0]; 2] },
+        smooth: common.smooth,
+        coat: Clearcoat { strength: c[0], alpha: c[1] },
+        estimate: Estimate { diffuse: c[2], reflection: c[3], rise: c[4] },
+    }
+}
+
+/// Eight numbers of each lane in a row of its own.
+#[inline(always)]
+fn stored([a, b, c, d, e, f, g, h]: [Reals; 8]) -> [Row; LANES] {
+    let rows = [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()];
+    let [a, b, c, d, e, f, g, h] = transposed(rows.each_ref());
+    [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()]
+}
+
+/// Three vectors of each lane.
+#[inline(always)]
+fn three_vectors(of: &[[Vec3; 3]; LANES]) -> [Vectors; 3] {
+    let rows: [Row; LANES] = std::array::from_fn(|lane| {
+        let [a, b, c] = of[lane];
+        Row([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y])
+    });
+    let last = Reals::load(&Row(std::array::from_fn(|lane| of[lane][2].z)));
+    let [ax, ay, az, bx, by, bz, cx, cy] = transposed(rows.each_ref());
+    [Vectors::new(ax, ay, az), Vectors::new(bx, by, bz), Vectors::new(cx, cy, last)]
+}
+
+/// Where rays, given by origin and direction, have met primitives.
+#[inline(always)]
+fn points(
+    scene: &CompiledScene,
+    sphere: bool,
+    primitives: [u32; LANES],
+    [origin, dir]: [Vectors; 2],
+    [t, v, w]: [Reals; 3],
+) -> Point<Vectors> {
+    if sphere {
+        let rows: [Row; LANES] = std::array::from_fn(|lane| {
+            let s = &scene.spheres[primitives[lane] as usize - scene.triangles.len()];
+            Row([s.center.x, s.center.y, s.center.z, s.radius, 0.0, 0.0, 0.0, 0.0])
+        });
+        let [x, y, z, radius, ..] = transposed(rows.each_ref());
+        return Point::on_sphere(Vectors::new(x, y, z), radius, origin + dir * t, dir);
+    }
+    let corners = three_vectors(&primitives.map(|p| scene.triangles[p as usize]));
+    let normals = three_vectors(&primitives.map(|p| scene.attributes[p as usize].normals));
+    Point::on_triangle(corners, normals, [v, w], dir)
+}
+
+/// Surfaces on which light may be reflected.
+struct Surfaces {
+    point: Point<Vectors>,
+    frame: Frame<Vectors>,
+    /// Whether the shading normal is that of the real surface.
+    flat: Yes,
+}
+
+impl Surfaces {
+    /// As `Bsdf::agrees`, in each lane.
+    #[inline(always)]
+    fn agree(&self, w: Vectors, cos: Reals) -> Yes {
+        let zero = Reals::of(0.0);
+        self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.point.n_geometric) * cos).gt(zero)
+    }
+}
+
+/// The step of paths that have met surfaces of one class; those that go on are named in `tile.next`.
+pub(super) fn step(table: &Table, common: Common, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
+    #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
+    // SAFETY: streams are made only where the processor has AVX2.
+    unsafe {
+        step_avx2(table, common, context, depth, paths, tile);
+    }
+}
+
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn step_avx2(table: &Table, common: Common, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
+    for group in paths.chunks(LANES) {
+        // Lanes that have no path do again what the first has, for nothing.
+        let lanes: [usize; LANES] = std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }] as usize);
+        step_of_eight(table, common, context, depth, lanes, group.len(), tile);
+    }
+}
+
+#[inline(always)]
+fn step_of_eight(
+    table: &Table,
+    common: Common,
+    context: &Context,
+    depth: u32,
+    lanes: [usize; LANES],
+    count: usize,
+    tile: &mut Tile,
+) {
+    let zero = Reals::of(0.0);
+    let way = transposed(lanes.map(|i| &tile.records[i].rows[0]));
+    let state = transposed(lanes.map(|i| &tile.records[i].rows[1]));
+    let met = transposed(lanes.map(|i| &tile.records[i].rows[2]));
+    let (origin, dir) = (Vectors::new(way[0], way[1], way[2]), Vectors::new(way[3], way[4], way[5]));
+    let throughput = Vectors::new(way[6], way[7], state[0]);
+    let key = [met[4].bits(), met[5].bits(), met[6].bits(), met[7].bits()];
+    let mut taken = state[6].bits();
+    let primitives = lanes.map(|i| tile.records[i].rows[2].0[3].to_bits());
+    let active = Yes::first(count);
+
+    let point = points(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
+    let n = point.n_shading;
+    let surfaces = Surfaces { frame: Frame::from_normal(n), flat: n.same(point.n_geometric), point };
+    let rows = primitives.map(|p| &table.rows[table.row_of[p as usize] as usize]);
+    let bsdf = bsdfs(rows, &common);
+    let wo = -dir;
+    let local = surfaces.frame.to_local(wo);
+    let view = bsdf.view(local);
+    let seen = active & surfaces.agree(wo, local.z());
+
+    if common.density {
+        let numbers = Independent::next_three(key, taken);
+        taken = taken.add(Words::of(3));
+        let vertex = Vertex { surfaces: &surfaces, bsdf: &bsdf, view: &view, wo, cos_o: local.z(), seen, throughput };
+        connect(context, &vertex, numbers, lanes, &mut tile.waiting);
+    }
+
+    let [choice, u, v] = Independent::next_three(key, taken);
+    taken = taken.add(Words::of(3));
+    let (some, s, _) = bsdf.sample::<false>(&view, choice, [u, v], Mode::Radiance);
+    let wi = surfaces.frame.to_world(s.sample.wi);
+    let mut on = seen & some & s.pdf_w.gt(zero) & surfaces.agree(wi, s.sample.wi.z());
+    let mut throughput = throughput * s.sample.weight;
+    let eta_scale = state[5] * (s.sample.eta * s.sample.eta);
+    if context.rr_start.is_some_and(|start| depth >= start) {
+        let most = throughput.x().max(throughput.y()).max(throughput.z());
+        let survival = (most * eta_scale).min(Reals::of(MAX_SURVIVAL));
+        let [u, ..] = Independent::next_three(key, taken);
+        taken = taken.add(Words::of(1));
+        on = on & u.lt(survival);
+        throughput = throughput / survival;
+    }
+    on = on & !throughput.same(Vectors::of(Vec3::ZERO));
+    let last = Reals::select(s.delta, Reals::of(SPECULAR), s.pdf_w);
+    let from = surfaces.point.position;
+    let start = offset_by_axis(from, towards(surfaces.point.n_geometric, wi));
+    let way = [start.x(), start.y(), start.z(), wi.x(), wi.y(), wi.z(), throughput.x(), throughput.y()];
+    let state = [throughput.z(), from.x(), from.y(), from.z(), last, eta_scale, taken.as_bits(), zero];
+    let (way, state) = (stored(way), stored(state));
+    for i in set(on.bits()) {
+        tile.records[lanes[i]].rows[0] = way[i];
+        tile.records[lanes[i]].rows[1] = state[i];
+        tile.next.push(lanes[i] as u32);
+    }
+}
+
+/// The lanes whose bits are set.
+#[inline(always)]
+fn set(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < LANES).then_some(lane)
+    })
+}
+
+/// A vertex of each path that is to be joined to a light.
+struct Vertex<'a> {
+    surfaces: &'a Surfaces,
+    bsdf: &'a Disney<Vectors>,
+    view: &'a View<Vectors>,
+    wo: Vectors,
+    cos_o: Reals,
+    /// Whether the surface shows anything towards the camera's side.
+    seen: Yes,
+    throughput: Vectors,
+}
+
+/// Joins each vertex to a sampled point of a light: as `nee` does, but that the shadow ray waits.
+#[inline(always)]
+fn connect(context: &Context, vertex: &Vertex, numbers: [Reals; 3], lanes: [usize; LANES], waiting: &mut Vec<Waiting>) {
+    let zero = Reals::of(0.0);
+    let Surfaces { point, frame, .. } = vertex.surfaces;
+    let (from, n) = (point.position, point.n_shading);
+    let (choice, u, v) = (numbers[0].store().0, numbers[1].store().0, numbers[2].store().0);
+    let seen = vertex.seen.bits();
+    let (fx, fy, fz) = (from.x().store().0, from.y().store().0, from.z().store().0);
+    // By lane: direction, radiance, density and whether it is a Dirac light; point, normal, and whether it is endless.
+    let (mut light, mut end) = ([Row::default(); LANES], [Row::default(); LANES]);
+    for i in set(seen) {
+        let from = Vec3::new(fx[i], fy[i], fz[i]);
+        if let Some(s) = context.lights.sample_direct(context.scene, from, choice[i], [u[i], v[i]]) {
+            let (w, c, p, n) = (s.wi, s.radiance, s.point.position, s.point.normal);
+            let [delta, endless] = [s.delta, !s.distance.is_finite()].map(|yes| f32::from(u8::from(yes)));
+            light[i] = Row([w.x, w.y, w.z, c.x, c.y, c.z, s.pdf_w, delta]);
+            end[i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, 0.0]);
+        }
+    }
+    let [x, y, z, r, g, b, density, delta] = transposed(light.each_ref());
+    let [px, py, pz, nx, ny, nz, far, _] = transposed(end.each_ref());
+    let (wi, radiance) = (Vectors::new(x, y, z), Vectors::new(r, g, b));
+    let cos_i = wi.dot(n);
+    let same = (vertex.cos_o * cos_i).gt(zero);
+    let (mut f, [mut pdf_w, _]) = vertex.bsdf.evaluate_round::<false>(vertex.view, vertex.wo, wi, n, cos_i);
+    let through = vertex.seen & !same;
+    if through.any() && vertex.bsdf.refractive.gt(zero).any() {
+        let (other, [other_w, _]) = vertex.bsdf.evaluate::<false>(vertex.view, frame.to_local(wi), Mode::Radiance);
+        (f, pdf_w) = (Vectors::select(same, f, other), Reals::select(same, pdf_w, other_w));
+    } else {
+        (f, pdf_w) = (Vectors::select(same, f, Vectors::of(Vec3::ZERO)), Reals::select(same, pdf_w, zero));
+    }
+    let radiance = f * cos_i.abs() * radiance / density;
+    let lit = vertex.seen & density.gt(zero) & vertex.surfaces.agree(wi, cos_i);
+    let lit = lit & !radiance.same(Vectors::of(Vec3::ZERO));
+    let weight = match context.settings.mis {
+        Some(h) => {
+            let weight = density.each_with(pdf_w, |own, other| h.weight(own, other));
+            Reals::select(delta.eq(zero), weight, Reals::of(1.0))
+        }
+        None => Reals::of(1.0),
+    };
+    let value = vertex.throughput * radiance * weight;
+    let (at, n_at) = (Vectors::new(px, py, pz), Vectors::new(nx, ny, nz));
+    let edge = at - from;
+    let endless = !far.eq(zero);
+    let origin = offset_by_axis(from, towards(point.n_geometric, Vectors::select(endless, wi, edge)));
+    let target = offset_by_axis(at, towards(n_at, -edge));
+    let edge = target - origin;
+    let distance = edge.length();
+    let dir = Vectors::select(endless, wi, edge / distance);
+    let distance = Reals::select(endless, Reals::of(f32::INFINITY), distance);
+    let rays = stored([origin.x(), origin.y(), origin.z(), dir.x(), dir.y(), dir.z(), distance, zero]);
+    let values = stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero]);
+    for i in set(lit.bits()) {
+        let [x, y, z, dx, dy, dz, distance, _] = rays[i].0;
+        let [r, g, b, ..] = values[i].0;
+        let ray = Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(dx, dy, dz) };
+        waiting.push(Waiting { ray, distance, value: Vec3::new(r, g, b), path: lanes[i] as u32 });
+    }
+}

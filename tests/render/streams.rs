@@ -1,0 +1,151 @@
+//! Paths in the lanes of vectors bring the bits of paths that go alone: every corner of materials, lights and settings.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre::film::layer::Layer;
+use lumbre::render::cpu::lanes::Isa;
+use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{Material, Model};
+use lumbre::transport::integrator::integrator;
+use lumbre::value::Value;
+
+use crate::common::{SceneBuilder, WHITE, grey, light};
+
+const DISNEY: Material = Material { model: Model::Disney, base_color: Vec3::new(0.8, 0.5, 0.2), ..WHITE };
+
+/// Every lobe alone and together, and what lanes leave to single paths.
+fn materials() -> Vec<(&'static str, Material)> {
+    vec![
+        ("rough", DISNEY),
+        ("shiny", Material { roughness: 0.25, ior: 2.5, ..DISNEY }),
+        ("subsurface", Material { subsurface: 0.6, ..DISNEY }),
+        ("sheen", Material { sheen: 1.0, sheen_tint: 0.5, ..DISNEY }),
+        ("tinted", Material { specular_tint: 0.8, roughness: 0.4, ..DISNEY }),
+        ("smooth under which it is diffuse", Material { roughness: 0.0, ..DISNEY }),
+        ("metal", Material { metallic: 1.0, roughness: 0.3, ..DISNEY }),
+        ("mirror", Material { metallic: 1.0, roughness: 0.0, ..DISNEY }),
+        ("half metal", Material { metallic: 0.5, roughness: 0.5, ..DISNEY }),
+        ("glass", Material { opacity: 0.0, roughness: 0.0, ..DISNEY }),
+        ("rough glass", Material { opacity: 0.0, roughness: 0.4, ..DISNEY }),
+        ("glass that hardly bends", Material { opacity: 0.0, roughness: 0.02, ior: 1.001, ..DISNEY }),
+        ("half opaque", Material { opacity: 0.5, roughness: 0.3, ..DISNEY }),
+        ("half opaque and smooth", Material { opacity: 0.5, roughness: 0.0, metallic: 0.2, ..DISNEY }),
+        ("coat", Material { clearcoat: 1.0, clearcoat_gloss: 0.4, ..DISNEY }),
+        ("coat on all", Material { clearcoat: 0.7, opacity: 0.5, metallic: 0.3, roughness: 0.5, sheen: 0.5, ..DISNEY }),
+        ("black", Material { base_color: Vec3::ZERO, metallic: 1.0, ..DISNEY }),
+        ("brushed", Material { anisotropic: 0.8, roughness: 0.4, metallic: 1.0, ..DISNEY }),
+        ("shining and reflecting", Material { emission: Vec3::splat(0.2), ..DISNEY }),
+        ("ideal", Material { opacity: 0.0, ..WHITE }),
+    ]
+}
+
+/// A room with a lamp; its floor and a sphere are of the material, and the floor's normals are bent.
+fn room(material: Material) -> SceneBuilder {
+    let floor = 12;
+    SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 70.0)
+        .room(1.0, Material { base_color: Vec3::splat(0.6), ..DISNEY })
+        .quad(Vec3::new(-0.9, -0.8, -0.9), Vec3::Z * 1.7, Vec3::X * 1.8, material)
+        .with(|s| {
+            for (i, n) in s.attributes[floor..floor + 2].iter_mut().flat_map(|a| &mut a.normals).enumerate() {
+                let bend = Vec3::new(0.3 * (i as f32 - 2.5), 0.0, 0.2 * (i as f32 % 3.0 - 1.0));
+                *n = (*n + bend).try_normalize().unwrap();
+            }
+        })
+        .quad(Vec3::new(-0.3, 0.99, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, light(8.0))
+        .sphere(Vec3::new(0.3, -0.3, 0.0), 0.35, material)
+}
+
+fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
+    Job { threads: 1, ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5) }
+}
+
+/// Renders in lanes and alone, which the wish for a layer makes of it, and compares all bits and the rays.
+fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
+    // The lamps stand behind the camera.
+    let dark = job.max_depth == 1;
+    let run = |job: Job, lanes: bool| {
+        let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
+        assert_eq!(renderer.in_lanes(), lanes && Isa::detect() == Isa::Avx2, "{name}");
+        let stats = renderer.advance(samples).unwrap();
+        let bits = |sums: &[[f64; 3]]| sums.iter().map(|s| s.map(f64::to_bits)).collect::<Vec<_>>();
+        let film = renderer.film();
+        (bits(&film.sum), bits(&film.sum2), stats.rays, stats.invalid, stats.first_invalid)
+    };
+    let alone = run(Job { layers: vec![Layer::Depth], ..job.clone() }, false);
+    let lanes = run(job, true);
+    let differ = alone.0.iter().zip(&lanes.0).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "{name}: so many pixels of {} differ", alone.0.len());
+    assert!(alone == lanes, "{name}: squares, rays or invalid samples differ: {:?} {:?}", alone.2, lanes.2);
+    assert!(dark || lanes.0.iter().any(|s| f64::from_bits(s[0]) > 0.0), "{name}: black");
+}
+
+#[test]
+fn every_material_has_the_same_bits_in_lanes() {
+    for (name, material) in materials() {
+        same(name, &room(material).build(), plain([29, 17], 6), 11);
+    }
+}
+
+#[test]
+fn every_kind_of_light_has_the_same_bits_in_lanes() {
+    let open = || {
+        SceneBuilder::new(Vec3::new(0.0, 0.3, 2.5), Vec3::ZERO, 60.0)
+            .quad(Vec3::new(-1.0, -0.5, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, Material { roughness: 0.4, ..DISNEY })
+            .quad(Vec3::new(-0.9, -0.4, -0.9), Vec3::Z * 0.8, Vec3::X * 0.8, Material { opacity: 0.3, ..DISNEY })
+    };
+    let glass = Material { opacity: 0.0, roughness: 0.0, ..DISNEY };
+    let ball = |scene: SceneBuilder| scene.sphere(Vec3::ZERO, 0.4, glass);
+    let scenes = [
+        ("point", ball(open()).point(Vec3::new(0.5, 1.0, 0.5), Vec3::splat(3.0))),
+        ("direction", ball(open()).directional(Vec3::new(0.2, -1.0, 0.1), Vec3::splat(2.0))),
+        ("environment", ball(open()).environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0)),
+        ("sphere", ball(open()).sphere(Vec3::new(0.6, 0.8, 0.3), 0.2, light(9.0))),
+        (
+            "all of them",
+            ball(open().quad(Vec3::new(-0.2, 1.2, -0.2), Vec3::X * 0.4, Vec3::Z * 0.4, light(5.0)))
+                .sphere(Vec3::new(-0.6, 0.5, 0.3), 0.1, light(4.0))
+                .point(Vec3::new(0.5, 1.0, 0.5), Vec3::ONE)
+                .directional(Vec3::new(0.2, -1.0, 0.1), Vec3::ONE)
+                .environment(None, Vec3::splat(0.2), 0.0),
+        ),
+    ];
+    for (name, scene) in scenes {
+        same(name, &scene.build(), plain([31, 19], 5), 9);
+    }
+}
+
+#[test]
+fn every_setting_has_the_same_bits_in_lanes() {
+    let scene = room(Material { roughness: 0.3, opacity: 0.6, clearcoat: 0.5, ..DISNEY }).build();
+    let with =
+        |key: &str, word: &str| Job { params: [(key.to_owned(), Value::from(word))].into(), ..plain([23, 13], 5) };
+    let sample = 1 << 33;
+    for (name, job) in [
+        ("balance", with("mis", "balance")),
+        ("no mis", with("mis", "none")),
+        ("uniform", with("select", "uniform")),
+        ("roulette", Job { rr_start: Some(2), ..plain([23, 13], 12) }),
+        ("later samples, another seed", Job { first_sample: sample, seed: 1 << 40 | 3, ..plain([23, 13], 4) }),
+        ("direct light only", plain([23, 13], 2)),
+        ("threads", Job { threads: 3, ..plain([300, 2], 4) }),
+    ] {
+        same(name, &scene, job, 5);
+    }
+    same("emission only", &scene, plain([23, 13], 1), 5);
+}
+
+#[test]
+fn what_lanes_do_not_know_goes_alone() {
+    let scene = room(DISNEY).build();
+    let renderer = |scene: &Arc<CompiledScene>, job: Job| CpuRenderer::new(Arc::clone(scene), job).unwrap().in_lanes();
+    let job = plain([4, 4], 3);
+    let all = Job { params: [("lights".to_owned(), Value::from("all"))].into(), ..job.clone() };
+    assert!(!renderer(&scene, all));
+    assert!(!renderer(&scene, Job { integrator: integrator("bdpt").unwrap(), ..job.clone() }));
+    let ideal = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 60.0).room(2.0, grey(0.5)).build();
+    assert!(!renderer(&ideal, job.clone()));
+    let soft = room(Material { shadow_terminator: true, ..DISNEY }).build();
+    assert!(!renderer(&soft, job));
+}
