@@ -94,18 +94,18 @@ fn nothing_is_begun_where_films_would_show_it() {
 #[test]
 fn no_second_is_counted_twice_and_waiting_for_the_host_is_not_rendering() {
     let Some(device) = harness::exact() else { return };
-    let (pause, pauses) = (Duration::from_millis(100), 4);
-    for more in [1000, 0] {
+    let (pause, pauses) = (Duration::from_millis(50), 4);
+    for more in [60, 0] {
         let mut renderer = open(&device, &Job { resolution: [20, 14], ..with("bpt", 72) });
         let start = Instant::now();
         let mut all = WaveStats::default();
         for _ in 0..pauses {
-            let wave = renderer.advance_toward(20, more).unwrap();
+            let wave = renderer.advance_toward(60, more).unwrap();
             assert!(wave.device_s > 0.0 && wave.device_s <= wave.render_s * 1.001, "{wave:?}");
             all.add(&wave);
             std::thread::sleep(pause);
         }
-        all.add(&renderer.advance(20).unwrap());
+        all.add(&renderer.advance(60).unwrap());
         let whole = start.elapsed().as_secs_f64();
         println!("{more} more: {:.3} s of rendering and {:.3} s of waiting in {whole:.3} s", all.render_s, all.idle_s);
         assert!(all.render_s + all.idle_s <= 1.01 * whole, "{all:?} in {whole} s");
