@@ -8,6 +8,7 @@
 mod common;
 
 mod device {
+    mod accel;
     mod copies;
     mod corners;
     mod devices;
