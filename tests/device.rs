@@ -8,6 +8,7 @@
 mod common;
 
 mod device {
+    mod accel;
     mod ahead;
     mod copies;
     mod corners;

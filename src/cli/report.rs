@@ -29,6 +29,7 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
         thresholds: args.threshold.clone(),
         at_time: args.at_time,
         heat: args.heat.clone(),
+        sweep: args.sweep.clone(),
     };
     if nights.iter().all(|night| night.runs.iter().all(|run| run.rows.is_empty())) {
         return Err(Failure::usage(format!("{}: no run has been measured yet", shown(&nights[0].folder))));

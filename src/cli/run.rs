@@ -17,7 +17,7 @@ use crate::experiment::event::{History, Level};
 use crate::experiment::forecast::Paces;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
-use crate::experiment::spec::FigureX;
+use crate::experiment::spec::FigureSpec;
 use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, control, run};
 use crate::output::devices::Devices;
 use crate::output::{plot, summary, table};
@@ -348,8 +348,7 @@ pub(super) fn write_evidence(
 /// What the cells were rendered on, where figures or tables show a clock: nothing else needs to know, and every run has to
 /// be asked.
 pub(super) fn devices_of(store: &Store, plan: &Plan, night: &NightSummary) -> Devices {
-    let timed = plan.tables.iter().any(|spec| table::is_clock(&spec.value))
-        || plan.figures.iter().any(|spec| spec.x == FigureX::RenderS);
+    let timed = plan.tables.iter().any(|spec| spec.value.is_clock()) || plan.figures.iter().any(FigureSpec::is_timed);
     if !timed {
         return Devices::default();
     }

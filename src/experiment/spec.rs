@@ -41,7 +41,7 @@ pub struct Spec {
     pub night: NightSpec,
     /// Whether some cells are rendered twice, to compare a technique with itself: see [`super::control`].
     pub control: bool,
-    /// Convergence figures.
+    /// Figures.
     pub figures: Vec<FigureSpec>,
     /// Tables.
     pub tables: Vec<TableSpec>,
@@ -186,22 +186,60 @@ pub enum FigureX {
     Samples,
 }
 
-/// A convergence figure: one picture for each combination of `facet` values.
+/// A figure: one picture for each combination of `facet` values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureSpec {
     /// Its name, which is its file's.
     pub name: String,
-    /// Horizontal axis.
-    pub x: FigureX,
-    /// Metric columns, one panel each.
-    pub y: Vec<String>,
-    /// The axis that distinguishes curves; `None` is one curve for every cell of the facet.
+    /// What is drawn against what.
+    pub kind: FigureKind,
+    /// The axis that distinguishes curves; `None` is one curve for every cell of the facet, of a sweep for every
+    /// combination of the other axes.
     pub by: Option<String>,
     /// The axes that distinguish pictures.
     pub facet: Vec<String>,
+    /// Axes with the values that are drawn; of other axes all are.
+    pub only: Vec<(String, Vec<Value>)>,
 }
 
-/// What a table shows of each cell.
+impl FigureSpec {
+    /// Whether a cell at this point of the sweep is drawn.
+    pub fn shows(&self, point: &[(String, Value)]) -> bool {
+        let kept = |(axis, values): &(String, Vec<Value>)| {
+            point.iter().find(|(name, _)| name == axis).is_some_and(|(_, value)| values.contains(value))
+        };
+        self.only.iter().all(kept)
+    }
+
+    /// Whether anything in it is read off a clock.
+    pub fn is_timed(&self) -> bool {
+        match &self.kind {
+            FigureKind::Convergence { x, .. } => *x == FigureX::RenderS,
+            FigureKind::Sweep { y, .. } => y.iter().any(TableValue::is_clock),
+        }
+    }
+}
+
+/// What a figure draws against what.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FigureKind {
+    /// Measurements as a run goes on.
+    Convergence {
+        /// Horizontal axis.
+        x: FigureX,
+        /// Metric columns, one panel each.
+        y: Vec<String>,
+    },
+    /// What finished runs have in the end, over the values of an axis.
+    Sweep {
+        /// The axis.
+        over: String,
+        /// What is drawn, one panel each.
+        y: Vec<TableValue>,
+    },
+}
+
+/// What a table, or a figure over an axis, shows of each cell.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TableValue {
     /// The final value of a metric column.
@@ -231,6 +269,50 @@ pub enum TableValue {
         /// The threshold.
         threshold: f64,
     },
+}
+
+impl TableValue {
+    /// Those that need no metric, by the names that scripts use.
+    pub const PLAIN: &[(&str, TableValue)] = &[
+        ("samples", TableValue::Samples),
+        ("render_s", TableValue::RenderS),
+        ("mpaths_s", TableValue::MpathsPerS),
+        ("fps", TableValue::Fps),
+        ("mrays_s", TableValue::MraysPerS),
+        ("accel_build_s", TableValue::AccelBuildS),
+        ("accel_nodes", TableValue::AccelNodes),
+        ("accel_mib", TableValue::AccelMib),
+        ("accel_cost", TableValue::AccelCost),
+    ];
+
+    /// What scripts call it: `accel_nodes`, a metric's column, or `time_to(column, threshold)`.
+    pub fn word(&self) -> String {
+        match self {
+            TableValue::Metric(column) => column.clone(),
+            TableValue::TimeTo { column, threshold } => format!("time_to({column}, {threshold})"),
+            plain => {
+                let named = TableValue::PLAIN.iter().find(|(_, value)| value == plain);
+                named.map_or_else(String::new, |(name, _)| (*name).to_owned())
+            }
+        }
+    }
+
+    /// Whether it is read off a clock.
+    pub fn is_clock(&self) -> bool {
+        match self {
+            TableValue::RenderS
+            | TableValue::MpathsPerS
+            | TableValue::Fps
+            | TableValue::MraysPerS
+            | TableValue::AccelBuildS
+            | TableValue::TimeTo { .. } => true,
+            TableValue::Metric(_)
+            | TableValue::Samples
+            | TableValue::AccelNodes
+            | TableValue::AccelMib
+            | TableValue::AccelCost => false,
+        }
+    }
 }
 
 /// File formats of tables.

@@ -11,6 +11,7 @@ pub mod pdf;
 pub mod picture;
 pub mod plot;
 pub mod png;
+mod quantity;
 pub mod report;
 pub mod summary;
 pub mod table;

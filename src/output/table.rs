@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::devices::Devices;
 use super::labels::{self, csv_line, exact, significant};
+use super::quantity::{self, Sample};
 use crate::experiment::plan::Plan;
-use crate::experiment::spec::{TableSpec, TableValue};
-use crate::experiment::{CellRef, CellResult, Outcome, WaveRow};
+use crate::experiment::spec::TableSpec;
+use crate::experiment::{CellRef, CellResult, Outcome};
 use crate::math::student::mean_and_interval;
-use crate::metrics::{Better, MetricSpec};
 
 /// Longest line of a Markdown caption in characters.
 const CAPTION_WIDTH: usize = 100;
@@ -64,17 +64,10 @@ pub enum Entry {
 /// Labels of a row and of a column.
 type Place = (Vec<String>, Vec<String>);
 
-/// One run's contribution.
-#[derive(Clone, Copy)]
-enum Sample {
-    Value(f64),
-    NeverIn(f64),
-}
-
 /// The tables of a specification: one, or, of a clock's readings on several devices, one for each of them, since times of
 /// different devices are not compared unasked.
 pub fn tables(plan: &Plan, spec: &TableSpec, results: &[CellResult], devices: &Devices) -> Vec<TableData> {
-    if !(devices.several() && is_clock(&spec.value)) {
+    if !(devices.several() && spec.value.is_clock()) {
         return vec![build(plan, spec, results)];
     }
     let missing = unfinished(plan, results);
@@ -88,30 +81,13 @@ pub fn tables(plan: &Plan, spec: &TableSpec, results: &[CellResult], devices: &D
     devices.all().into_iter().enumerate().map(on).collect()
 }
 
-/// Whether a value is read off a clock.
-pub fn is_clock(value: &TableValue) -> bool {
-    match value {
-        TableValue::RenderS
-        | TableValue::MpathsPerS
-        | TableValue::Fps
-        | TableValue::MraysPerS
-        | TableValue::AccelBuildS
-        | TableValue::TimeTo { .. } => true,
-        TableValue::Metric(_)
-        | TableValue::Samples
-        | TableValue::AccelNodes
-        | TableValue::AccelMib
-        | TableValue::AccelCost => false,
-    }
-}
-
 /// Computes a table. Runs that failed, were interrupted or never reached are left out, and the caption says how many.
 pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData {
     of_some(plan, spec, results.iter(), unfinished(plan, results))
 }
 
 /// Whether a result is one that tables show.
-fn is_finished(plan: &Plan, result: &CellResult) -> bool {
+pub(super) fn is_finished(plan: &Plan, result: &CellResult) -> bool {
     let ours = |cell: usize| plan.cells.get(cell).is_some_and(|c| c.control.is_none());
     matches!(result.cell, CellRef::Cell(cell) if ours(cell))
         && matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
@@ -143,7 +119,7 @@ fn of_some<'a>(
     let mut samples: BTreeMap<Place, Vec<(usize, Sample)>> = BTreeMap::new();
     for result in results.filter(|result| is_finished(plan, result)) {
         let CellRef::Cell(cell) = result.cell else { continue };
-        if let Some(sample) = sample(plan, &spec.value, result) {
+        if let Some(sample) = quantity::sample(plan, &spec.value, result) {
             samples.entry((keys(&spec.rows, cell), keys(&spec.cols, cell))).or_default().push((cell, sample));
         }
     }
@@ -156,7 +132,7 @@ fn of_some<'a>(
     let rows: Vec<TableRow> = row_keys.iter().map(row).collect();
     let column = |values: &Vec<String>| {
         let pairs: Vec<String> = spec.cols.iter().zip(values).map(|(axis, v)| format!("{axis} = {v}")).collect();
-        if pairs.is_empty() { short_name(plan, &spec.value) } else { pairs.join(", ") }
+        if pairs.is_empty() { quantity::label(plan, &spec.value) } else { pairs.join(", ") }
     };
     TableData {
         name: spec.name.clone(),
@@ -165,37 +141,6 @@ fn of_some<'a>(
         columns: col_keys.iter().map(column).collect(),
         rows,
     }
-}
-
-/// What one finished run contributes, if it has the value at all.
-fn sample(plan: &Plan, value: &TableValue, result: &CellResult) -> Option<Sample> {
-    let (rows, open) = (&result.rows, &result.open);
-    let last = rows.last()?;
-    let known = |x: f64| (x > 0.0).then_some(x);
-    Some(match value {
-        TableValue::Metric(name) => Sample::Value(*last.metrics.get(labels::column(plan, name)?.0)?),
-        TableValue::Samples => Sample::Value(last.samples as f64),
-        TableValue::RenderS => Sample::Value(last.render_s),
-        TableValue::MpathsPerS => Sample::Value(last.mpaths_per_s()),
-        TableValue::Fps => Sample::Value(last.fps()),
-        TableValue::MraysPerS if last.render_s > 0.0 => Sample::Value(last.rays as f64 / last.render_s / 1e6),
-        TableValue::MraysPerS => return None,
-        TableValue::AccelBuildS => Sample::Value(known(open.accel_build_s)?),
-        TableValue::AccelNodes => Sample::Value(open.accel_nodes as f64),
-        TableValue::AccelMib => Sample::Value(known(open.accel_bytes as f64 / f64::from(1 << 20))?),
-        TableValue::AccelCost => Sample::Value(known(open.accel_cost)?),
-        TableValue::TimeTo { column, threshold } => {
-            let (index, metric) = labels::column(plan, column)?;
-            last.metrics.get(index)?;
-            let reached = |row: &&WaveRow| match (row.metrics.get(index), metric.row.better) {
-                (Some(x), Better::Lower) => x <= threshold,
-                (Some(x), Better::Higher) => x >= threshold,
-                (Some(x), Better::NearZero) => x.abs() <= *threshold,
-                (None, _) => false,
-            };
-            rows.iter().find(reached).map_or(Sample::NeverIn(last.render_s), |row| Sample::Value(row.render_s))
-        }
-    })
 }
 
 fn average(plan: &Plan, samples: &[(usize, Sample)]) -> TableCell {
@@ -213,69 +158,8 @@ fn average(plan: &Plan, samples: &[(usize, Sample)]) -> TableCell {
     TableCell { entry, runs, half }
 }
 
-/// The header of a table's only value column.
-fn short_name(plan: &Plan, value: &TableValue) -> String {
-    match value {
-        TableValue::Metric(column) => {
-            let metric = labels::column(plan, column).map(|(_, m)| m);
-            metric.map_or(column.clone(), |m| with_unit(m.row.label, &m.unit()))
-        }
-        TableValue::Samples => "samples per pixel".to_owned(),
-        TableValue::RenderS => "render time (s)".to_owned(),
-        TableValue::MpathsPerS => "Mpaths/s".to_owned(),
-        TableValue::Fps => "FPS (1/s)".to_owned(),
-        TableValue::MraysPerS => "Mrays/s".to_owned(),
-        TableValue::AccelBuildS => "build (s)".to_owned(),
-        TableValue::AccelNodes => "nodes".to_owned(),
-        TableValue::AccelMib => "hierarchy (MiB)".to_owned(),
-        TableValue::AccelCost => "SAH cost".to_owned(),
-        TableValue::TimeTo { .. } => "time to reach it (s)".to_owned(),
-    }
-}
-
-fn with_unit(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
-}
-
 fn caption(plan: &Plan, spec: &TableSpec, rows: &[TableRow], unfinished: usize) -> String {
-    let described = |metric: &MetricSpec| {
-        let options = metric.describe_options();
-        let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
-        labels::metric_title(metric) + &options
-    };
-    let what = match &spec.value {
-        TableValue::Metric(column) => match labels::column(plan, column) {
-            Some((_, m)) => {
-                let unit = m.unit();
-                let unit = if unit.is_empty() { String::new() } else { format!(" in {unit}") };
-                format!("{}{unit} after the last wave", described(m))
-            }
-            None => format!("`{column}`, which is not measured"),
-        },
-        TableValue::Samples => "Samples per pixel at the end".to_owned(),
-        TableValue::RenderS => "Render time at the end in seconds".to_owned(),
-        TableValue::MpathsPerS => "Million camera paths per second of render time".to_owned(),
-        TableValue::Fps => "Frames per second of render time (a frame is one sample of every pixel)".to_owned(),
-        TableValue::MraysPerS => "Million rays per second of render time".to_owned(),
-        TableValue::AccelBuildS => "Seconds spent building the hierarchy".to_owned(),
-        TableValue::AccelNodes => "Nodes of the hierarchy".to_owned(),
-        TableValue::AccelMib => "Mebibytes of the hierarchy with its primitives".to_owned(),
-        TableValue::AccelCost => {
-            "Nodes and primitives that a ray through the scene's box meets, by the surface area heuristic".to_owned()
-        }
-        TableValue::TimeTo { column, threshold } => match labels::column(plan, column) {
-            Some((_, m)) => {
-                let sign = match m.row.better {
-                    Better::Lower => "≤",
-                    Better::Higher => "≥",
-                    Better::NearZero => "of either sign ≤",
-                };
-                format!("Render time in seconds until a measurement first had {} {sign} {threshold}", described(m))
-            }
-            None => format!("Render time until `{column}`, which is not measured"),
-        },
-    };
-    let mut sentences = vec![format!("{what}, {}.", averaged(plan, spec, rows))];
+    let mut sentences = vec![format!("{}, {}.", quantity::title(plan, &spec.value), averaged(plan, spec, rows))];
     let entries = || rows.iter().flat_map(|r| &r.cells).map(|c| c.entry);
     if rows.iter().flat_map(|r| &r.cells).any(|c| c.half.is_some()) {
         sentences.push("±: half the 95 % confidence interval of the mean over repeats, by Student's t.".to_owned());
@@ -419,6 +303,7 @@ fn wrap(text: &str, width: usize) -> String {
 mod tests {
     use super::super::fixture::{done, ended, numbers, plan, words};
     use super::*;
+    use crate::experiment::spec::TableValue;
 
     fn spec(value: TableValue, rows: &[&str], cols: &[&str]) -> TableSpec {
         let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();

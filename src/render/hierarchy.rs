@@ -107,7 +107,8 @@ const SHARINGS: [Sharing; 3] = [Sharing::Auto, Sharing::Always, Sharing::Never];
 /// `accel` in the render table.
 pub const ACCEL: Table = Table {
     name: "Accel",
-    doc: "How the hierarchy is built through which rays find what they hit, on the CPU. It changes no picture, only times.",
+    doc: "How the hierarchy is built through which rays find what they hit, by `cpu` and `vulkan-compute`. It changes no picture, \
+          only times.",
     fields: &[
         Field {
             key: "builder",
@@ -115,7 +116,8 @@ pub const ACCEL: Table = Table {
             required: false,
             default: "ploc",
             doc: "none tests everything, plane cuts boxes in the middle (both as the second source compares them), sah \
-                  is its binned surface area heuristic, ploc is obvhs, and cwbvh is obvhs with its own traversal",
+                  is its binned surface area heuristic, ploc is obvhs, and cwbvh is obvhs with its own traversal (by \
+                  vulkan-compute the same as ploc)",
         },
         Field {
             key: "bins",
@@ -136,8 +138,8 @@ pub const ACCEL: Table = Table {
             ty: Ty::Int { min: 1, max: 255 },
             required: false,
             default: "8",
-            doc: "most primitives of a leaf that is not divided further; eight are tested at once in any case (cwbvh: at \
-                  most three)",
+            doc: "most primitives of a leaf that is not divided further; the CPU tests eight at once in any case (cwbvh, \
+                  and ploc by vulkan-compute: at most three)",
         },
         Field {
             key: "quality",

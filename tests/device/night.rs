@@ -21,9 +21,9 @@ const SCENE: &str = r#"{
 
 const SCRIPT: &str = r#"
 local x = experiment("backends", { seed = 7 })
-x:axis("on", { "cpu", "vulkan" })
+x:axis("on", { "cpu", "vulkan-compute" })
 x:render(function(p) 
-  return { scene = "ball.scn", integrator = "nee", backend = p.on, film = { time = { start = 3, bin = 0.25, bins = 24 } } }
+  return { scene = "ball.scn", integrator = "bpt", backend = p.on, accel = { builder = "sah", bins = 4, max_leaf = 1 }, film = { time = { start = 3, bin = 0.25, bins = 24 } } }
 end)
 x:stop(function(p) return stop.samples(16) end)
 return x
@@ -47,8 +47,8 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
     let ended = command.current_dir(place.path()).args(["run", "night.lua"]).output().unwrap();
     let said = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success(), "{said}");
-    assert!(said.contains("backend vulkan: "), "{said}");
-    let (mut pictures, mut cubes) = (Vec::new(), Vec::new());
+    assert!(said.contains("backend vulkan-compute: "), "{said}");
+    let (mut pictures, mut cubes, mut built) = (Vec::new(), Vec::new(), 0);
     let mut open = vec![place.path().join("out")];
     while let Some(folder) = open.pop() {
         for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
@@ -58,10 +58,15 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
                 pictures.push(lumbre::output::exr::decode(&std::fs::read(path).unwrap()).unwrap().0);
             } else if path.file_name().is_some_and(|n| n == "time-cube.npy") {
                 cubes.push(numbers(&std::fs::read(path).unwrap()));
+            } else if path.file_name().is_some_and(|n| n == "done.json") {
+                let done: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+                let said = ["accel_build_s", "accel_bytes", "accel_cost"].map(|key| done[key].as_f64().unwrap());
+                assert!(said.iter().all(|x| *x > 0.0), "{done}");
+                built += 1;
             }
         }
     }
-    assert_eq!(pictures.len(), 2);
+    assert_eq!((pictures.len(), built), (2, 2));
     let far = pictures[0].data.as_flattened().iter().zip(pictures[1].data.as_flattened());
     let off = far.filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3)).count();
     assert!(off <= 3, "{off} values differ");

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use lumbre::experiment::plan::{Overrides, ReferenceSource};
 use lumbre::experiment::spec::{
-    CellConfig, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat, TableSpec, TableValue,
+    CellConfig, FigureKind, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat, TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre::film::layer::Layer;
@@ -24,6 +24,15 @@ struct Parts {
     stop: StopRule,
     reference_config: CellConfig,
     reference_stop: StopRule,
+}
+
+fn figure() -> FigureSpec {
+    let kind = FigureKind::Convergence { x: FigureX::Samples, y: vec![] };
+    FigureSpec { name: "f".into(), kind, by: None, facet: vec![], only: vec![] }
+}
+
+fn over(y: Vec<TableValue>, axis: &str) -> FigureSpec {
+    FigureSpec { kind: FigureKind::Sweep { over: axis.into(), y }, ..figure() }
 }
 
 impl Parts {
@@ -166,8 +175,7 @@ fn names_places_and_looks_do_not_change_the_id() {
             p.lab.overrides.backend = Some("mock".into());
         }),
         ("figures", |p| {
-            let figure = FigureSpec { name: "f".into(), x: FigureX::Samples, y: vec![], by: None, facet: vec![] };
-            p.lab.spec.figures.push(figure);
+            p.lab.spec.figures.push(figure());
         }),
     ];
     let unchanged = ids(|_| {});
@@ -282,9 +290,13 @@ fn the_plans_hash_follows_its_cells_points_figures_and_tables() {
         |lab, table| lab.spec.tables = vec![table],
         |lab, table| lab.spec.tables = vec![TableSpec { value: TableValue::RenderS, ..table }],
         |lab, table| lab.spec.tables = vec![TableSpec { formats: vec![TableFormat::Csv], ..table }],
+        |lab, _| lab.spec.figures = vec![figure()],
+        |lab, _| lab.spec.figures = vec![over(vec![TableValue::Samples], "depth")],
+        |lab, _| lab.spec.figures = vec![over(vec![TableValue::RenderS], "depth")],
+        |lab, _| lab.spec.figures = vec![over(vec![TableValue::RenderS], "radius")],
         |lab, _| {
-            let figure = FigureSpec { name: "f".into(), x: FigureX::Samples, y: vec![], by: None, facet: vec![] };
-            lab.spec.figures = vec![figure];
+            let only = vec![("depth".to_owned(), vec![Value::Int(3)])];
+            lab.spec.figures = vec![FigureSpec { only, ..figure() }];
         },
     ];
     let hashes: std::collections::BTreeSet<String> = changes

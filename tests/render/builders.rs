@@ -116,6 +116,29 @@ fn better_trees_have_lower_costs() {
 }
 
 #[test]
+fn the_size_of_leaves_that_are_not_divided_shapes_the_tree() {
+    // A lattice of small triangles, no side of which is as long as another: every builder can divide it to the end.
+    let mut b = SceneBuilder::new(Vec3::Z * 20.0, Vec3::ZERO, 40.0);
+    for i in 0..512 {
+        let at = Vec3::new((i % 8) as f32, (i / 8 % 8) as f32 * 1.07, (i / 64) as f32 * 1.13);
+        b = b.triangle([at, at + Vec3::X * 0.3, at + Vec3::new(0.0, 0.3, 0.3)], [glam::Vec2::ZERO; 3], grey(0.5));
+    }
+    let scene = b.build();
+    for builder in [Builder::Plane, Builder::Sah] {
+        let of = |max_leaf: u32| accel(&scene, &AccelSpec { builder, max_leaf, ..AccelSpec::default() });
+        let (fine, plain, coarse) = (of(1), of(8), of(64));
+        let nodes = [&fine, &plain, &coarse].map(Accel::node_count);
+        assert!(nodes[0] > nodes[2] && nodes[2] > 0, "{builder:?} {nodes:?}");
+        assert!(coarse.cost() > 1.2 * plain.cost(), "{builder:?} {} {}", coarse.cost(), plain.cost());
+    }
+    let of = |max_leaf: u32| {
+        let spec = AccelSpec { builder: Builder::Cwbvh, max_leaf, ..AccelSpec::default() };
+        accel(&scene, &spec).node_count()
+    };
+    assert!(of(1) >= of(3) && of(3) == of(8), "{} {} {}", of(1), of(3), of(8));
+}
+
+#[test]
 fn what_no_cut_divides_is_one_leaf_and_long_chains_are_walked() {
     // Forty triangles around one middle: no plane between centroids.
     let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);

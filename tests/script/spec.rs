@@ -1,6 +1,6 @@
 //! What a right script becomes.
 
-use lumbre::experiment::spec::{FigureX, Order, Snapshots, TableFormat, TableValue, Warmup};
+use lumbre::experiment::spec::{FigureKind, FigureX, Order, Snapshots, TableFormat, TableValue, Warmup};
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::script::Script;
 use lumbre::value::Value;
@@ -68,6 +68,7 @@ x:measure { rmse = metric.rmse(), ssim = metric.ssim { on = display, range = 1.0
             error = metric.relmse { eps = 0.02 }, display = display, every = 0.25 }
 x:figure(\"convergence\", { x = \"samples\", y = { \"rmse\", \"ssim\" }, by = \"depth\" })
 x:figure(\"plain\", { y = \"error\", facet = \"depth\" })
+x:figure(\"over\", { x = \"depth\", y = { \"fps\", \"rmse\", time_to(\"ssim\", 0.95) }, only = { depth = 5 } })
 x:table(\"time_to_0.95\", { value = time_to(\"ssim\", 0.95), rows = \"depth\", format = \"csv\" })
 x:table(\"final\", { value = \"rmse\", rows = { \"depth\" }, format = { \"csv\", \"md\" } })
 x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
@@ -78,12 +79,19 @@ x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
     assert_eq!(spec.measure.metrics[2].tonemap(), Some(Tonemap::Reinhard { exposure: 1.0, gamma: 2.2 }));
     assert_eq!(spec.measure.display, Tonemap::Reinhard { exposure: 1.0, gamma: 2.2 });
     assert_eq!((spec.measure.snapshots, spec.measure.every_s), (Snapshots::Pow2, 0.25));
-    let [convergence, plain] = spec.figures.as_slice() else { panic!("two figures") };
-    assert_eq!((convergence.x, convergence.by.as_deref()), (FigureX::Samples, Some("depth")));
-    assert_eq!(
-        (plain.x, plain.y.as_slice(), plain.facet.as_slice()),
-        (FigureX::RenderS, ["error".to_owned()].as_slice(), ["depth".to_owned()].as_slice(),)
-    );
+    let [convergence, plain, over] = spec.figures.as_slice() else { panic!("three figures") };
+    let y = vec!["rmse".to_owned(), "ssim".to_owned()];
+    assert_eq!(convergence.kind, FigureKind::Convergence { x: FigureX::Samples, y });
+    assert_eq!((convergence.by.as_deref(), convergence.only.len()), (Some("depth"), 0));
+    assert_eq!(plain.kind, FigureKind::Convergence { x: FigureX::RenderS, y: vec!["error".to_owned()] });
+    assert_eq!(plain.facet, ["depth".to_owned()]);
+    let y = vec![
+        TableValue::Fps,
+        TableValue::Metric("rmse".into()),
+        TableValue::TimeTo { column: "ssim".into(), threshold: 0.95 },
+    ];
+    assert_eq!(over.kind, FigureKind::Sweep { over: "depth".into(), y });
+    assert_eq!(over.only, [("depth".to_owned(), vec![Value::Int(5)])]);
     let [time, last, speed] = spec.tables.as_slice() else { panic!("three tables") };
     assert_eq!(time.value, TableValue::TimeTo { column: "ssim".into(), threshold: 0.95 });
     assert_eq!((time.formats.as_slice(), time.cols.len()), ([TableFormat::Csv].as_slice(), 0));

@@ -80,6 +80,9 @@ pub struct ReportArgs {
     /// The two axes of heat maps: across and down
     #[arg(long, value_name = "AXIS,AXIS", value_parser = two_axes)]
     pub heat: Option<[String; 2]>,
+    /// Axes over whose values final errors, rates and hierarchies are drawn [default: all of three or more numbers]
+    #[arg(long, value_name = "AXIS,..", value_delimiter = ',')]
+    pub sweep: Vec<String>,
 }
 
 /// `lumbre trace`.

@@ -463,6 +463,10 @@ pub struct BenchArgs {
     /// `--backend`, on that one
     #[arg(long, conflicts_with_all = ["traversal", "mpaths", "loading"])]
     pub time: bool,
+    /// Measure what masks, ten thousand copies and ten thousand lights cost beside the same without them, and what a second
+    /// thread brings, and nothing else
+    #[arg(long, conflicts_with_all = ["scenes", "traversal", "mpaths", "backend", "loading", "time", "overheads"])]
+    pub ratios: bool,
     /// Repetitions of every measurement; medians are reported, and the spread of the rates
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,

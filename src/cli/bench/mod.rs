@@ -11,6 +11,7 @@ mod long;
 mod metrics;
 mod night;
 mod rates;
+mod ratios;
 mod scale;
 mod time;
 
@@ -65,6 +66,17 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     }
     let cpu = ["cpu".to_owned()];
     let built_in = BuiltIn::unpack()?;
+    if args.ratios {
+        let named = |name: &str| {
+            let mut files = built_in.scenes().into_iter();
+            files.find(|file| file.ends_with(name)).ok_or_else(|| format!("no built-in scene `{name}`"))
+        };
+        let (masked, plain) = (named("masked_leaves.scn")?, named("cornell_spheres.scn")?);
+        let found = ratios::Ratios::measure(&masked, &plain, repeats, say)?;
+        let host = Host::here();
+        let head = format!("processor: {}, {} cores, with {}", host.cpu, host.cores, doctor::cpu_features().join(" "));
+        return Ok(Report { text: format!("{head}\n\n{}", found.table()), json: json!({ "ratios": found.to_json() }) });
+    }
     let mut scenes: Vec<(String, PathBuf)> = Vec::new();
     if !args.only {
         scenes.extend(built_in.scenes().into_iter().map(|file| (short(&file), file)));

@@ -13,7 +13,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Plan, RunId};
-use crate::experiment::spec::{CellConfig, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue};
+use crate::experiment::spec::{
+    CellConfig, FigureKind, FigureSpec, FigureX, Measure, Point, Snapshots, TableSpec, TableValue,
+};
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
 use crate::transport::delay;
@@ -218,21 +220,32 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
 }
 
 fn figure(figure: &FigureSpec) -> Value {
-    let x = match figure.x {
-        FigureX::RenderS => "render_s",
-        FigureX::Samples => "samples",
+    let mut fields = match &figure.kind {
+        FigureKind::Convergence { x, y } => {
+            let x = match x {
+                FigureX::RenderS => "render_s",
+                FigureX::Samples => "samples",
+            };
+            vec![("x", x.into()), ("y", texts(y))]
+        }
+        FigureKind::Sweep { over, y } => {
+            vec![("over", over.as_str().into()), ("y", Value::List(y.iter().map(shown).collect()))]
+        }
     };
-    map([
+    fields.extend([
         ("name", figure.name.as_str().into()),
-        ("x", x.into()),
-        ("y", texts(&figure.y)),
         ("by", figure.by.as_deref().map_or(Value::Nil, Value::from)),
         ("facet", texts(&figure.facet)),
-    ])
+    ]);
+    if !figure.only.is_empty() {
+        let kept = figure.only.iter().map(|(axis, values)| (axis.clone(), Value::List(values.clone())));
+        fields.push(("only", Value::Map(kept.collect())));
+    }
+    map(fields)
 }
 
-fn table(table: &TableSpec) -> Value {
-    let value = match &table.value {
+fn shown(value: &TableValue) -> Value {
+    match value {
         TableValue::Metric(column) => map([("metric", column.as_str().into())]),
         TableValue::Samples => "samples".into(),
         TableValue::RenderS => "render_s".into(),
@@ -246,11 +259,14 @@ fn table(table: &TableSpec) -> Value {
         TableValue::TimeTo { column, threshold } => {
             map([("time_to", column.as_str().into()), ("threshold", Value::number(*threshold))])
         }
-    };
+    }
+}
+
+fn table(table: &TableSpec) -> Value {
     let formats = table.formats.iter().map(|f| Value::Str(format!("{f:?}").to_lowercase())).collect();
     map([
         ("name", table.name.as_str().into()),
-        ("value", value),
+        ("value", shown(&table.value)),
         ("rows", texts(&table.rows)),
         ("cols", texts(&table.cols)),
         ("formats", Value::List(formats)),
@@ -271,7 +287,7 @@ fn digest(value: &Value) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-fn map<const N: usize>(fields: [(&str, Value); N]) -> Value {
+fn map<'a>(fields: impl IntoIterator<Item = (&'a str, Value)>) -> Value {
     Value::Map(fields.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
 }
 

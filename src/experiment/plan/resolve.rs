@@ -235,7 +235,10 @@ fn refusal(
     config: &CellConfig,
 ) -> Option<String> {
     if !backend.accel && !config.accel.identity().is_empty() {
-        return Some(format!("its hierarchy is not built by `{}`: `accel` is for the CPU", config.accel.describe()));
+        return Some(format!(
+            "its hierarchy is not built by `{}`: `accel` is for `cpu` and `vulkan-compute`",
+            config.accel.describe()
+        ));
     }
     if !backend.times {
         if config.timing.is_some() {

@@ -1,5 +1,7 @@
 //! Axes of figures: ranges, ticks and their labels.
 
+use super::svg::text_width;
+
 /// How values are spread along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
@@ -13,6 +15,14 @@ impl Scale {
     /// Whether a value has a place on such an axis.
     pub fn holds(self, value: f64) -> bool {
         value.is_finite() && (self == Scale::Linear || value > 0.0)
+    }
+
+    /// The scale on which values that may be of any size are read best: logarithmic if all are positive and the largest
+    /// is more than ten times the least.
+    pub fn fitting(values: impl IntoIterator<Item = f64>) -> Scale {
+        let finite = values.into_iter().filter(|v| v.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        if low > 0.0 && high > 10.0 * low { Scale::Log } else { Scale::Linear }
     }
 
     fn forward(self, value: f64) -> f64 {
@@ -48,6 +58,7 @@ pub struct Axis {
     pub ticks: Vec<(f64, Label)>,
     /// Values of the lines of the fine grid, without the labelled ones.
     pub minor: Vec<f64>,
+    named: bool,
 }
 
 /// Free space beyond the outermost values, as a share of the range.
@@ -83,7 +94,39 @@ impl Axis {
         };
         let plain = at.iter().all(|v| *v == 0.0 || (1e-3..1e5).contains(&rounded(v.abs())));
         let ticks = at.iter().map(|v| (*v, label(*v, plain))).collect();
-        Some(Axis { scale, low, high, ticks, minor })
+        Some(Axis { scale, low, high, ticks, minor, named: false })
+    }
+
+    /// An axis of names, each at its number from zero; `None` if there are none.
+    pub fn named(names: &[String]) -> Option<Axis> {
+        let ticks: Vec<(f64, Label)> =
+            names.iter().enumerate().map(|(i, name)| (i as f64, Label::Plain(name.clone()))).collect();
+        let high = names.len() as f64 - 0.5;
+        (!names.is_empty()).then_some(Axis {
+            scale: Scale::Linear,
+            low: -0.5,
+            high,
+            ticks,
+            minor: Vec::new(),
+            named: true,
+        })
+    }
+
+    /// How much room its names need upright, in text of a size; 0 if it has none, or if they fit side by side along so
+    /// much room.
+    pub fn upright(&self, length: f64, size: f64) -> f64 {
+        let width = |label: &Label| match label {
+            Label::Plain(text) if self.named => text_width(text, size),
+            _ => 0.0,
+        };
+        let widest = self.ticks.iter().map(|(_, label)| width(label)).fold(0.0, f64::max);
+        if widest + 0.35 * size > length / self.ticks.len() as f64 { widest } else { 0.0 }
+    }
+
+    /// Leaves ticks only where there are whole numbers.
+    pub fn whole(&mut self) {
+        self.ticks.retain(|(value, _)| value.fract() == 0.0);
+        self.minor.retain(|value| value.fract() == 0.0);
     }
 
     /// The values at its lower and upper end.
@@ -194,6 +237,21 @@ mod tests {
         let linear = |low: f64, high: f64| labels(&Axis::new(Scale::Linear, [low, high]).unwrap());
         assert_eq!(linear(12.0, 38.0), ["15", "20", "25", "30", "35"]);
         assert_eq!(linear(-1.0, 1.0), ["−1", "−0.5", "0", "0.5", "1"]);
+    }
+
+    #[test]
+    fn names_have_a_place_each_and_scales_fit_what_they_hold() {
+        let axis = Axis::named(&["a".to_owned(), "b".to_owned()]).unwrap();
+        assert_eq!(([0.0, 1.0].map(|v| axis.place(v)), labels(&axis)), ([0.25, 0.75], vec!["a".into(), "b".into()]));
+        assert_eq!(Axis::named(&[]), None);
+        let fitting = |values: &[f64]| Scale::fitting(values.iter().copied());
+        assert_eq!(fitting(&[1.0, 5.0, f64::INFINITY]), Scale::Linear);
+        assert_eq!((fitting(&[1.0, 11.0]), fitting(&[0.0, 11.0]), fitting(&[])), {
+            (Scale::Log, Scale::Linear, Scale::Linear)
+        });
+        let mut axis = Axis::new(Scale::Log, [1.0, 1.9]).unwrap();
+        axis.whole();
+        assert_eq!(labels(&axis), ["1", "2"]);
     }
 
     #[test]

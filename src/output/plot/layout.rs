@@ -1,9 +1,9 @@
 //! Places a figure's parts: title, panels side by side, legend below.
 
-use super::axis::{Axis, Scale};
+use super::axis::{Axis, Label};
 use super::style::{FAINT, FINE_GRID, FRAME, GRID, INK};
 use super::svg::{Anchor, Drawing, Font, text_width, wrap};
-use super::{Curve, Figure, Panel};
+use super::{Across, Curve, Figure, Panel};
 
 const MARGIN: f64 = 18.0;
 /// Width and height of the area in which curves are drawn.
@@ -55,7 +55,15 @@ pub fn draw(figure: &Figure) -> String {
 
     // Panels share the horizontal axis and start at the same height.
     let all = || figure.panels.iter().flat_map(|p| &p.curves).flat_map(|c| &c.points);
-    let x_axis = Axis::new(Scale::Log, all().map(|(x, _)| *x));
+    let x_axis = match &figure.across {
+        Across::Numbers(scale) => Axis::new(*scale, all().map(|(x, _)| *x)),
+        Across::Whole(scale) => Axis::new(*scale, all().map(|(x, _)| *x)).map(|mut axis| {
+            axis.whole();
+            axis
+        }),
+        Across::Names(names) => Axis::named(names),
+    };
+    let upright = x_axis.as_ref().map_or(0.0, |axis| axis.upright(PLOT.0, TICK.size));
     let heads: Vec<Vec<(Font, String)>> = figure.panels.iter().map(heading).collect();
     let head = heads.iter().map(Vec::len).max().unwrap_or(0) as f64 * (HEADING.size + 3.0);
     for (i, (panel, lines)) in figure.panels.iter().zip(&heads).enumerate() {
@@ -64,12 +72,12 @@ pub fn draw(figure: &Figure) -> String {
             let baseline = y + head - (lines.len() - 1 - line) as f64 * (HEADING.size + 3.0);
             drawing.text((left, baseline), *font, Anchor::Start, text);
         }
-        draw_panel(&mut drawing, panel, x_axis.as_ref(), figure.x_label, (left, y + head + 9.0));
+        draw_panel(&mut drawing, panel, (x_axis.as_ref(), upright), &figure.x_label, (left, y + head + 9.0));
     }
     if figure.panels.is_empty() {
         drawing.text((MARGIN, y + HEADING.size), SMALL, Anchor::Start, "none of the figure's metrics is measured");
     }
-    y += head + 9.0 + PLOT.1 + BELOW;
+    y += head + 9.0 + PLOT.1 + BELOW + upright;
     let height = legend(&mut drawing, figure, y + 22.0, width) + MARGIN;
     drawing.finish(width, height, &figure.title, &figure.description)
 }
@@ -80,7 +88,13 @@ fn heading(panel: &Panel) -> Vec<(Font, String)> {
     strong.chain(small).collect()
 }
 
-fn draw_panel(drawing: &mut Drawing, panel: &Panel, x_axis: Option<&Axis>, x_label: &str, (left, top): (f64, f64)) {
+fn draw_panel(
+    drawing: &mut Drawing,
+    panel: &Panel,
+    (x_axis, upright): (Option<&Axis>, f64),
+    x_label: &str,
+    (left, top): (f64, f64),
+) {
     let (width, height) = PLOT;
     let bottom = top + height;
     // A band that reaches far below its curve, as that of few wild repeats, must not squeeze the curves.
@@ -94,7 +108,12 @@ fn draw_panel(drawing: &mut Drawing, panel: &Panel, x_axis: Option<&Axis>, x_lab
         for (value, label) in &x_axis.ticks {
             drawing.line([x(*value), top, x(*value), bottom], GRID, 0.8);
             drawing.line([x(*value), bottom, x(*value), bottom + 4.0], FRAME, 0.8);
-            drawing.tick_label((x(*value), bottom + 17.0), TICK, Anchor::Middle, label);
+            match label {
+                Label::Plain(text) if upright > 0.0 => {
+                    drawing.text_upwards((x(*value) + 4.0, bottom + 8.0), TICK, Anchor::End, text);
+                }
+                label => drawing.tick_label((x(*value), bottom + 17.0), TICK, Anchor::Middle, label),
+            }
         }
         for (value, label) in &y_axis.ticks {
             drawing.line([left, y(*value), left + width, y(*value)], GRID, 0.8);
@@ -110,8 +129,8 @@ fn draw_panel(drawing: &mut Drawing, panel: &Panel, x_axis: Option<&Axis>, x_lab
         let middle = (left + width / 2.0, top + height / 2.0);
         drawing.text(middle, SMALL, Anchor::Middle, "no value can be drawn: none is finite and positive");
     }
-    drawing.text((left + width / 2.0, bottom + 38.0), LABEL, Anchor::Middle, x_label);
-    drawing.text_upwards((left - LEFT + 14.0, top + height / 2.0), LABEL, &panel.y_label);
+    drawing.text((left + width / 2.0, bottom + 38.0 + upright), LABEL, Anchor::Middle, x_label);
+    drawing.text_upwards((left - LEFT + 14.0, top + height / 2.0), LABEL, Anchor::Middle, &panel.y_label);
 }
 
 fn draw_curve(

@@ -1,4 +1,5 @@
-//! Convergence figures: error against render time or samples, one SVG for each combination of facet values.
+//! Figures, one SVG for each combination of facet values: error against render time or samples, and in the module `sweep`
+//! what runs have in the end over an axis of the sweep.
 //!
 //! Here the figure's data is gathered; the module `layout` places and draws it. Only cells are drawn: references have no
 //! metrics. Interrupted and failed cells are drawn as far as they were measured. Repeats of a cell are drawn as their mean
@@ -10,6 +11,7 @@ pub(super) mod raster;
 pub(super) mod sheet;
 pub(super) mod style;
 pub(super) mod svg;
+mod sweep;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,8 +22,9 @@ use super::devices::{DEVICE, Devices};
 use super::labels;
 use super::report::curve::{Band, BandKind, Curve as Repeat, band};
 use super::report::study::Shown;
+use super::table::is_finished;
 use crate::experiment::plan::Plan;
-use crate::experiment::spec::{FigureSpec, FigureX};
+use crate::experiment::spec::{FigureKind, FigureSpec, FigureX};
 use crate::experiment::{CellRef, CellResult, WaveRow};
 use crate::metrics::MetricSpec;
 use axis::Scale;
@@ -39,9 +42,20 @@ struct Figure {
     /// One line below the title, empty if there is nothing to say.
     subtitle: String,
     description: String,
-    x_label: &'static str,
+    x_label: String,
+    across: Across,
     panels: Vec<Panel>,
     legend: Vec<(String, Style)>,
+}
+
+/// What lies on the horizontal axis.
+enum Across {
+    /// Numbers.
+    Numbers(Scale),
+    /// Whole numbers.
+    Whole(Scale),
+    /// Names, each at its number from zero.
+    Names(Vec<String>),
 }
 
 /// One metric of a picture.
@@ -79,8 +93,8 @@ pub struct FigureFiles {
     pub stem: String,
     /// The picture.
     pub svg: String,
-    /// What is drawn, as comma-separated values: the cell's axes, `metric`, `x` in the unit of the horizontal axis, `mean`
-    /// as drawn (of a metric with a best value of 1, what is left to it; over repeats, geometric on a logarithmic axis),
+    /// What is drawn, as comma-separated values: the cell's axes, `metric` (what is drawn), `x` in the unit of the
+    /// horizontal axis (over an axis of the sweep its value), `mean` as drawn (of a metric with a best value of 1, what is left to it; over repeats, geometric on a logarithmic axis),
     /// `low`, `high` (the 95 % confidence interval of the mean over three repeats or more, the range of two, empty for
     /// one), and `runs`.
     pub csv: String,
@@ -89,23 +103,24 @@ pub struct FigureFiles {
 /// The figures of a specification, one for each combination of facet values of which anything was measured, in the order
 /// of the plan.
 ///
-/// Errors have a logarithmic axis; a metric with a best value of 1, such as SSIM, is drawn as 1 − value; PSNR has a
-/// linear axis. Values without a place on their axis (zero, negative, NaN) are left out. Curves with the same value of
-/// `by` look alike in all figures of the specification.
+/// Errors have a logarithmic axis; a metric with a best value of 1, such as SSIM, is drawn as 1 − value, bias without its
+/// sign; PSNR has a linear axis. Values without a place on their axis (zero, negative, NaN) are left out. Curves with the same value of
+/// `by` look alike in all figures of the specification. Over an axis of the sweep other values than metrics have a
+/// logarithmic axis where they span more than a factor of ten.
 ///
 /// Times of several devices never share an axis: each device that `devices` names then has figures of its own, as if it
 /// were one more facet.
 pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: &Devices) -> Vec<FigureFiles> {
-    let timed = spec.x == FigureX::RenderS && devices.several();
-    let rows: BTreeMap<usize, &[WaveRow]> = results
+    let timed = spec.is_timed() && devices.several();
+    // Doubles of the A/A check are no results.
+    let shown = |cell: usize| plan.cells.get(cell).is_some_and(|c| c.control.is_none() && spec.shows(&c.point));
+    let measured: BTreeMap<usize, &CellResult> = results
         .iter()
         .filter_map(|r| match r.cell {
-            // Doubles of the A/A check are no results.
-            CellRef::Cell(cell) if plan.cells.get(cell).is_some_and(|c| c.control.is_none()) && !r.rows.is_empty() => {
-                Some((cell, r.rows.as_slice()))
-            }
+            CellRef::Cell(cell) if shown(cell) && !r.rows.is_empty() => Some((cell, r)),
             _ => None,
         })
+        .filter(|(_, r)| matches!(spec.kind, FigureKind::Convergence { .. }) || is_finished(plan, r))
         .collect();
     let by = curve_axes(plan, spec);
     let mut styles: Vec<Pairs> = Vec::new();
@@ -117,7 +132,7 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: 
             styles.push(curve);
             styles.len() - 1
         });
-        if !rows.contains_key(&cell) {
+        if !measured.contains_key(&cell) {
             continue;
         }
         let mut facet = pairs(plan, &spec.facet, cell);
@@ -134,8 +149,16 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: 
         .iter()
         .map(|(facet, cells)| {
             let stem = unique_stem(&spec.name, facet, &mut taken);
-            let figure = gather(plan, spec, &rows, &styles, facet, cells);
-            FigureFiles { stem, svg: layout::draw(&figure), csv: csv(plan, &figure) }
+            let night = Gathered { plan, measured: &measured, styles: &styles, facet, cells };
+            let (figure, csv) = match &spec.kind {
+                FigureKind::Convergence { x, y } => {
+                    let figure = night.convergence(*x, y);
+                    let csv = csv(plan, &figure);
+                    (figure, csv)
+                }
+                FigureKind::Sweep { over, y } => sweep::figure(&night, over, y),
+            };
+            FigureFiles { stem, svg: layout::draw(&figure), csv }
         })
         .collect()
 }
@@ -148,7 +171,10 @@ fn curve_axes(plan: &Plan, spec: &FigureSpec) -> Vec<String> {
     };
     match &spec.by {
         Some(by) => vec![by.clone()],
-        None => plan.axes.iter().filter(|a| !spec.facet.contains(a)).filter(varies).cloned().collect(),
+        None => {
+            let over = |axis: &&String| !matches!(&spec.kind, FigureKind::Sweep { over, .. } if over == *axis);
+            plan.axes.iter().filter(|a| !spec.facet.contains(a)).filter(over).filter(varies).cloned().collect()
+        }
     }
 }
 
@@ -158,92 +184,123 @@ fn pairs(plan: &Plan, axes: &[String], cell: usize) -> Pairs {
     axes.iter().filter_map(pair).collect()
 }
 
-fn gather(
-    plan: &Plan,
-    spec: &FigureSpec,
-    rows: &BTreeMap<usize, &[WaveRow]>,
-    styles: &[Pairs],
-    facet: &[(String, String)],
-    cells: &[(usize, usize)],
-) -> Figure {
-    // Repeats of one point, together, with their look.
-    let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
-    for (cell, look) in cells {
-        let point = &plan.cells[*cell].point;
-        match groups.last_mut().filter(|(_, group)| plan.cells[group[0]].point == *point) {
-            Some((_, group)) => group.push(*cell),
-            None => groups.push((*look, vec![*cell])),
-        }
+/// What one picture is made of.
+struct Gathered<'a> {
+    plan: &'a Plan,
+    measured: &'a BTreeMap<usize, &'a CellResult>,
+    styles: &'a [Pairs],
+    facet: &'a [(String, String)],
+    /// Its cells, each with the number of its look.
+    cells: &'a [(usize, usize)],
+}
+
+impl Gathered<'_> {
+    fn rows(&self, cell: usize) -> &[WaveRow] {
+        &self.measured[&cell].rows
     }
-    let shared = |look: usize| groups.iter().filter(|(l, _)| *l == look).count() > 1;
-    let mut looks: Vec<usize> = cells.iter().map(|(_, look)| *look).collect();
-    looks.sort_unstable();
-    looks.dedup();
-    let facet_text: Vec<String> = facet.iter().map(|(axis, value)| format!("{axis} = {value}")).collect();
-    let panels = spec.y.iter().filter_map(|column| {
-        let (index, metric) = labels::column(plan, column)?;
-        let (row, unit) = (metric.row, metric.unit());
-        let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-        let (scale, complement) = match row.perfect {
-            best if best == f64::INFINITY => (Scale::Linear, None),
-            0.0 => (Scale::Log, None),
-            best => (Scale::Log, Some(best)),
-        };
-        let value = |x: f64| complement.map_or(x, |best| best - x);
-        let prefix = complement.map_or(String::new(), |best| format!("{best} − "));
-        let single = |cell: usize| -> Vec<(f64, f64)> {
-            let points = rows[&cell].iter().filter_map(|r| Some((x_of(spec.x, r), value(*r.metrics.get(index)?))));
-            points.filter(|(x, y)| Scale::Log.holds(*x) && scale.holds(*y)).collect()
-        };
-        let curves = groups.iter().map(|(look, group)| {
-            let (style, shared, cell, runs) = (style(*look), shared(*look), group[0], group.len());
-            let together = if runs > 1 { repeats(rows, group, spec.x, index, metric) } else { None };
-            let (points, ends, kind) = match together {
-                Some(band) => (band.mean, band.ends, band.kind),
-                None => (single(cell), Vec::new(), BandKind::Single),
+
+    fn convergence(&self, x: FigureX, y: &[String]) -> Figure {
+        let plan = self.plan;
+        // Repeats of one point, together, with their look.
+        let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
+        for (cell, look) in self.cells {
+            let point = &plan.cells[*cell].point;
+            match groups.last_mut().filter(|(_, group)| plan.cells[group[0]].point == *point) {
+                Some((_, group)) => group.push(*cell),
+                None => groups.push((*look, vec![*cell])),
+            }
+        }
+        let shared = |look: usize| groups.iter().filter(|(l, _)| *l == look).count() > 1;
+        let panels = y.iter().filter_map(|column| {
+            let (index, metric) = labels::column(plan, column)?;
+            let shown = Shown::of(metric);
+            let single = |cell: usize| -> Vec<(f64, f64)> {
+                let rows = self.rows(cell).iter();
+                let points = rows.filter_map(|r| Some((x_of(x, r), shown.value(*r.metrics.get(index)?)?)));
+                points.filter(|(x, _)| Scale::Log.holds(*x)).collect()
             };
-            Curve { style, shared, points, ends, kind, cell, runs }
+            let curves = groups.iter().map(|(look, group)| {
+                let (style, shared, cell, runs) = (style(*look), shared(*look), group[0], group.len());
+                let together = if runs > 1 { self.repeats(group, x, index, metric) } else { None };
+                let (points, ends, kind) = match together {
+                    Some(band) => (band.mean, band.ends, band.kind),
+                    None => (single(cell), Vec::new(), BandKind::Single),
+                };
+                Curve { style, shared, points, ends, kind, cell, runs }
+            });
+            Some(panel(column, metric, curves.collect()))
         });
-        let named = (column != row.name).then(|| format!("column {column}"));
-        let details = named.into_iter().chain([metric.describe_options()]).filter(|d| !d.is_empty());
-        Some(Panel {
-            column: column.clone(),
-            heading: if prefix.is_empty() { capitalised(row.long_name) } else { format!("{prefix}{}", row.long_name) },
-            details: details.collect::<Vec<_>>().join(", "),
-            y_label: format!("{prefix}{}{unit}", row.label),
-            scale,
-            curves: curves.collect(),
-        })
-    });
-    Figure {
-        title: std::iter::once(plan.name.clone())
-            .chain((!facet_text.is_empty()).then(|| facet_text.join(", ")))
-            .collect::<Vec<_>>()
-            .join(": "),
-        subtitle: subtitle(&groups),
-        description: description(plan, rows, cells),
-        x_label: match spec.x {
+        let x_label = match x {
             FigureX::RenderS => "render time (s)",
             FigureX::Samples => "samples per pixel",
-        },
-        panels: panels.collect(),
-        legend: looks.iter().map(|look| (legend_text(plan, &styles[*look], cells, *look), style(*look))).collect(),
+        };
+        self.figure(panels.collect(), subtitle(&groups), x_label.to_owned(), Across::Numbers(Scale::Log))
+    }
+
+    /// The figure of these panels.
+    fn figure(&self, panels: Vec<Panel>, subtitle: String, x_label: String, across: Across) -> Figure {
+        let mut looks: Vec<usize> = self.cells.iter().map(|(_, look)| *look).collect();
+        looks.sort_unstable();
+        looks.dedup();
+        let facet: Vec<String> = self.facet.iter().map(|(axis, value)| format!("{axis} = {value}")).collect();
+        let entry = |look: &usize| (legend_text(self.plan, &self.styles[*look], self.cells, *look), style(*look));
+        Figure {
+            title: std::iter::once(self.plan.name.clone())
+                .chain((!facet.is_empty()).then(|| facet.join(", ")))
+                .collect::<Vec<_>>()
+                .join(": "),
+            subtitle,
+            description: self.description(),
+            x_label,
+            across,
+            panels,
+            legend: looks.iter().map(entry).collect(),
+        }
+    }
+
+    /// What several repeats say together of one metric.
+    fn repeats(&self, group: &[usize], x: FigureX, index: usize, metric: &MetricSpec) -> Option<Band> {
+        let points = |cell: &usize| {
+            let points = self.rows(*cell).iter().filter_map(move |r| Some((x_of(x, r), *r.metrics.get(index)?)));
+            Repeat::new(Shown::of(metric), points)
+        };
+        band(&group.iter().map(points).collect::<Vec<_>>())
+    }
+
+    /// Where the numbers come from, for the picture's metadata.
+    fn description(&self) -> String {
+        let plan = self.plan;
+        let mut text = format!("lumbre {}\nplan {} {}", env!("CARGO_PKG_VERSION"), plan.name, plan.hash);
+        for (index, _) in self.cells {
+            let cell = &plan.cells[*index];
+            let samples = self.rows(*index).last().map_or(0, |r| r.samples);
+            text += &format!("\nrun {} {} seed={} samples={samples}", cell.id, cell.path, cell.seed);
+        }
+        text
     }
 }
 
-/// What several repeats say together of one metric.
-fn repeats(
-    rows: &BTreeMap<usize, &[WaveRow]>,
-    group: &[usize],
-    x: FigureX,
-    index: usize,
-    metric: &MetricSpec,
-) -> Option<Band> {
-    let points = |cell: &usize| {
-        let points = rows[cell].iter().filter_map(move |r| Some((x_of(x, r), *r.metrics.get(index)?)));
-        Repeat::new(Shown::of(metric), points)
+/// The panel of a metric's column.
+fn panel(column: &str, metric: &MetricSpec, curves: Vec<Curve>) -> Panel {
+    let (shown, row, unit) = (Shown::of(metric), metric.row, metric.unit());
+    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    let named = (column != row.name).then(|| format!("column {column}"));
+    let details = named.into_iter().chain([metric.describe_options()]).filter(|d| !d.is_empty());
+    let (heading, label) = match shown.complement() {
+        Some(best) => (format!("{best} − {}", row.long_name), format!("{best} − {}", row.label)),
+        None if shown.is_magnitude() => {
+            (format!("{}, without its sign", capitalised(row.long_name)), format!("|{}|", row.label))
+        }
+        None => (capitalised(row.long_name), row.label.to_owned()),
     };
-    band(&group.iter().map(points).collect::<Vec<_>>())
+    Panel {
+        column: column.to_owned(),
+        heading,
+        details: details.collect::<Vec<_>>().join(", "),
+        y_label: format!("{label}{unit}"),
+        scale: shown.scale,
+        curves,
+    }
 }
 
 /// What the lines are, where they are more than one run each.
@@ -302,17 +359,6 @@ fn legend_text(plan: &Plan, curve: &[(String, String)], cells: &[(usize, usize)]
         return cell.map_or(String::new(), |cell| with_long_name(&plan.cells[cell].config.integrator));
     }
     curve.iter().map(part).collect::<Vec<_>>().join(", ")
-}
-
-/// Where the numbers come from, for the picture's metadata.
-fn description(plan: &Plan, rows: &BTreeMap<usize, &[WaveRow]>, cells: &[(usize, usize)]) -> String {
-    let mut text = format!("lumbre {}\nplan {} {}", env!("CARGO_PKG_VERSION"), plan.name, plan.hash);
-    for (index, _) in cells {
-        let cell = &plan.cells[*index];
-        let samples = rows[index].last().map_or(0, |r| r.samples);
-        text += &format!("\nrun {} {} seed={} samples={samples}", cell.id, cell.path, cell.seed);
-    }
-    text
 }
 
 fn capitalised(text: &str) -> String {

@@ -166,9 +166,9 @@ impl Drawing {
     }
 
     /// A line of text that reads upwards.
-    pub fn text_upwards(&mut self, (x, y): (f64, f64), font: Font, text: &str) {
+    pub fn text_upwards(&mut self, (x, y): (f64, f64), font: Font, anchor: Anchor, text: &str) {
         let turn = format!(r#" transform="rotate(-90 {} {})""#, number(x), number(y));
-        self.text_element((x, y), font, Anchor::Middle, &turn, &escape(text));
+        self.text_element((x, y), font, anchor, &turn, &escape(text));
     }
 
     /// The label of a tick, with a raised exponent where it has one.

@@ -2,16 +2,17 @@
 
 use super::*;
 use crate::experiment::Outcome;
+use crate::experiment::spec::TableValue;
 use crate::output::fixture::{done, ended, numbers, plan, words};
 
 fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
     FigureSpec {
         name: "convergence".to_owned(),
-        x: FigureX::RenderS,
-        y: owned(y),
+        kind: FigureKind::Convergence { x: FigureX::RenderS, y: owned(y) },
         by: by.map(str::to_owned),
         facet: owned(facet),
+        only: Vec::new(),
     }
 }
 
@@ -198,7 +199,8 @@ fn times_of_several_devices_never_share_an_axis() {
     assert!(figure.svg.contains(">night: scene = box, device = a lens</text>"), "{}", figure.svg);
     assert_eq!(count(&figure.svg, "<polyline"), 2 + 2, "two of the three depths, and their samples in the legend");
     // Samples are the same everywhere, and so are the times of one device.
-    assert_eq!(stems(&FigureSpec { x: FigureX::Samples, ..by.clone() }).len(), 2);
+    let kind = FigureKind::Convergence { x: FigureX::Samples, y: vec!["rmse".to_owned()] };
+    assert_eq!(stems(&FigureSpec { kind, ..by.clone() }).len(), 2);
     let one = Devices::new(&plan, &results, |_| Some("a lens".to_owned()));
     assert_eq!(figures(&plan, &by, &results, &one), drawn(&plan, &by, &results));
     // A script that sweeps backends has asked for what their devices differ by.
@@ -208,4 +210,114 @@ fn times_of_several_devices_never_share_an_axis() {
         cell.config = std::sync::Arc::new(crate::experiment::CellConfig { backend, ..(*cell.config).clone() });
     }
     assert_eq!(figures(&asked, &by, &results, &Devices::new(&asked, &results, name)).len(), 2);
+}
+
+/// The same night over its depths instead.
+fn over(axis: &str, y: &[TableValue], by: Option<&str>, facet: &[&str]) -> FigureSpec {
+    FigureSpec { kind: FigureKind::Sweep { over: axis.to_owned(), y: y.to_vec() }, ..spec(&[], by, facet) }
+}
+
+/// Fields of the lines of a figure's data, without its header.
+fn fields(figure: &FigureFiles) -> Vec<Vec<String>> {
+    figure.csv.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn what_runs_have_in_the_end_is_drawn_over_an_axis_with_a_line_for_each_value_of_the_others() {
+    let (plan, mut results) = night();
+    // Build times of 1, 2 and 3 s at the three depths, and a fifth more in the second repeat.
+    for (i, result) in results.iter_mut().enumerate() {
+        result.open.accel_build_s = (1 + i % 6 / 2) as f64 * if i % 2 == 0 { 1.0 } else { 1.2 };
+    }
+    let y = [TableValue::AccelBuildS, TableValue::Metric("rmse".to_owned())];
+    let figures = drawn(&plan, &over("depth", &y, Some("scene"), &[]), &results);
+    assert_eq!(figures.len(), 1);
+    let svg = &figures[0].svg;
+    for text in
+        ["build (s)", "RMSE (radiance)", "depth", "scene = box", "mean of 2 repeats; band: the range of the two"]
+    {
+        assert!(svg.contains(&format!(">{text}</text>")), "{text} is missing");
+    }
+    // Two lines in each of two panels with their bands, and two samples in the legend.
+    assert_eq!((count(svg, "<polyline"), count(svg, "fill-opacity")), (2 * 2 + 2, 2 * 2));
+    assert!(figures[0].csv.starts_with("scene,depth,metric,x,mean,low,high,runs\n"));
+    let lines = fields(&figures[0]);
+    assert_eq!(lines.len(), 2 * 2 * 3);
+    let first: Vec<&str> = lines[0].iter().map(String::as_str).collect();
+    assert_eq!(first, ["box", "2", "accel_build_s", "2", "1.1", "1", "1.2", "2"]);
+    assert_eq!(lines[2][1..5], ["9", "accel_build_s", "9", "3.3"].map(str::to_owned));
+    // The errors are those after the last wave, and their mean is geometric, as in convergence figures.
+    let last = |cell: usize| results[cell].rows.last().unwrap().metrics[0];
+    let mean: f64 = lines[6][4].parse().unwrap();
+    assert!((mean - (last(0) * last(1)).sqrt()).abs() < 1e-12, "{mean}");
+}
+
+#[test]
+fn names_have_their_place_and_long_ones_stand_upright() {
+    let names = ["none", "a hierarchy with a long name", "another one with a longer name", "short"];
+    let plan = plan(&[("accel", words(&names))], 1);
+    let results: Vec<_> = (0..4).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+    let figure = drawn(&plan, &over("accel", &[TableValue::RenderS], None, &[]), &results).remove(0);
+    for name in names {
+        assert_eq!(count(&figure.svg, &format!(">{name}</text>")), 1, "{name}");
+    }
+    assert_eq!(count(&figure.svg, "rotate(-90"), 4 + 1, "four names and the vertical axis");
+    assert!(figure.svg.contains("bpt (backward path tracing)") && !figure.svg.contains("one thin line"));
+    let lines = fields(&figure);
+    assert_eq!(lines[1], [names[1], "render_s", names[1], "2", "", "", "1"].map(str::to_owned));
+    let short = plan_of_two();
+    let results: Vec<_> = (0..2).map(|i| done(i, &[(1.0, 0.5)])).collect();
+    let figure = drawn(&short, &over("accel", &[TableValue::RenderS], None, &[]), &results).remove(0);
+    assert_eq!(count(&figure.svg, "rotate(-90"), 1);
+}
+
+fn plan_of_two() -> Plan {
+    plan(&[("accel", words(&["sah", "ploc"]))], 1)
+}
+
+#[test]
+fn only_what_finished_is_drawn_over_an_axis_and_only_what_was_asked_for() {
+    let (plan, mut results) = night();
+    results[0].outcome = Outcome::Interrupted;
+    results[3].outcome = Outcome::Failed("lost".to_owned());
+    let one = over("depth", &[TableValue::Samples], None, &["scene"]);
+    let figures = drawn(&plan, &one, &results);
+    let runs: Vec<String> = fields(&figures[0]).iter().map(|line| line[7].clone()).collect();
+    assert_eq!(runs, ["1", "1", "2"]);
+    let only = FigureSpec {
+        only: vec![("scene".to_owned(), words(&["box"])), ("depth".to_owned(), numbers(&[5.0, 9.0]))],
+        ..one
+    };
+    let figures = drawn(&plan, &only, &results);
+    assert_eq!((figures.len(), figures[0].stem.as_str()), (1, "convergence_scene=box"));
+    assert_eq!(fields(&figures[0]).iter().map(|line| line[1].as_str()).collect::<Vec<_>>(), ["5", "9"]);
+    // It holds for curves as well.
+    let curves = FigureSpec { only: only.only.clone(), ..spec(&["rmse"], Some("depth"), &[]) };
+    let figures = drawn(&plan, &curves, &results);
+    assert!(!figures[0].svg.contains("depth = 2<") && figures[0].svg.contains("depth = 5<"));
+}
+
+#[test]
+fn a_threshold_that_a_repeat_never_reached_has_no_point() {
+    let plan = plan(&[("depth", numbers(&[2.0, 5.0]))], 2);
+    let ends = [0.05, 0.5, 0.05, 0.06];
+    let results: Vec<_> = ends.iter().enumerate().map(|(i, e)| done(i, &[(1.0, 0.9), (3.0, *e)])).collect();
+    let value = TableValue::TimeTo { column: "rmse".to_owned(), threshold: 0.1 };
+    let figure = drawn(&plan, &over("depth", &[value], None, &[]), &results).remove(0);
+    let lines: Vec<&str> = figure.csv.lines().skip(1).collect();
+    assert_eq!(lines, ["5,\"time_to(rmse, 0.1)\",5,3,3,3,2"]);
+    assert!(figure.svg.contains("until a measurement first had RMSE"));
+}
+
+#[test]
+fn clocks_over_an_axis_are_apart_for_each_device() {
+    let (plan, results) = night();
+    let name = |r: &CellResult| match r.cell {
+        CellRef::Cell(i) => Some(if i % 6 < 2 { "a lens" } else { "a prism" }.to_owned()),
+        CellRef::Reference(_) => None,
+    };
+    let devices = Devices::new(&plan, &results, name);
+    let count = |y: TableValue| figures(&plan, &over("depth", &[y], Some("scene"), &[]), &results, &devices).len();
+    assert_eq!(count(TableValue::MpathsPerS), 2);
+    assert_eq!(count(TableValue::AccelCost), 1);
 }

@@ -1,5 +1,6 @@
 //! Error against render time and against samples: a panel for each facet, a band for each series.
 
+use super::crops::shorten;
 use super::curve::{Band, BandKind, Curve, band};
 use super::item::{Item, Kind, Provenance};
 use super::pgfplots::Drawn;
@@ -7,7 +8,7 @@ use super::study::{Shown, Study};
 use crate::experiment::spec::FigureX;
 use crate::metrics::MetricSpec;
 use crate::output::labels;
-use crate::output::plot::axis::{Axis, Scale};
+use crate::output::plot::axis::{Axis, Label, Scale};
 use crate::output::plot::style::{FAINT, FRAME, INK, Style, style};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width, wrap};
 
@@ -19,7 +20,7 @@ pub const COLUMN: f64 = 241.0;
 pub const SCREEN: f64 = 1.6;
 
 /// Most panels of one figure, and of one row.
-const MOST_PANELS: usize = 6;
+pub(super) const MOST_PANELS: usize = 6;
 pub(super) const MOST_COLUMNS: usize = 3;
 
 const PLOT_HEIGHT: f64 = 118.0;
@@ -29,6 +30,8 @@ const HEAD: f64 = 24.0;
 const FOOT: f64 = 31.0;
 /// Room that direct labels may take to the right of a panel; longer ones go into a legend.
 const WIDEST_LABEL: f64 = 44.0;
+/// Most room that upright names below an axis may take; longer ones are cut.
+const LONGEST_NAME: f64 = 88.0;
 /// Least distance between the middles of labels of a horizontal axis.
 const LABEL_ROOM: f64 = 19.0;
 
@@ -58,6 +61,14 @@ pub(super) struct Line {
     pub(super) stops: Vec<(f64, f64)>,
     /// The noise floor as drawn of the series' own reference, where series have several.
     pub(super) floor: Option<f64>,
+}
+
+impl Line {
+    /// A series of single values, each with its marker.
+    pub(super) fn of(series: usize, band: Band) -> Line {
+        let stops = band.mean.clone();
+        Line { series, style: style(series), band: Some(band), curves: Vec::new(), stops, floor: None }
+    }
 }
 
 /// The figures of one metric against one x: one, or several if there are more than six facets.
@@ -91,7 +102,9 @@ pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<Item> {
         let provenance = provenance(study, facets);
         let svg = draw(study, &panels, &y_label, &x_label, &title, &provenance.text());
         let stem = format!("figures/error-{word}-{}{suffix}", spec.column);
-        let drawn = Drawn { study, panels: &panels, y_label: &y_label, x, scale: shown.scale };
+        let x_name = if x == FigureX::Samples { "samples per pixel" } else { "render time (s)" };
+        let scales = [Scale::Log, shown.scale];
+        let drawn = Drawn { study, panels: &panels, y_label: &y_label, x_label: x_name, scales };
         let extra = drawn.files(&stem, &caption, &provenance);
         Some(Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra, provenance })
     };
@@ -100,7 +113,7 @@ pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<Item> {
     all.filter_map(|(clock, number, facets)| page(clock, number, facets)).collect()
 }
 
-fn provenance(study: &Study, facets: &[usize]) -> Provenance {
+pub(super) fn provenance(study: &Study, facets: &[usize]) -> Provenance {
     let members = facets.iter().flat_map(|f| (0..study.series.len()).map(move |s| (*f, s)));
     Provenance::of(members.flat_map(|(f, s)| study.members(f, s)))
 }
@@ -166,7 +179,15 @@ fn panel(study: &Study, facet: usize, metric: usize, x: FigureX, device: Option<
     Panel { heading: study.facet_label(facet), axes, lines, floor }
 }
 
-fn draw(study: &Study, panels: &[Panel], y_label: &str, x_label: &str, title: &str, description: &str) -> String {
+/// The picture of these panels.
+pub(super) fn draw(
+    study: &Study,
+    panels: &[Panel],
+    y_label: &str,
+    x_label: &str,
+    title: &str,
+    description: &str,
+) -> String {
     let columns = panels.len().min(MOST_COLUMNS);
     let rows = panels.len().div_ceil(columns);
     let widest = study.series.iter().map(|s| text_width(&s.full(), LABEL.size)).fold(0.0, f64::max);
@@ -174,31 +195,40 @@ fn draw(study: &Study, panels: &[Panel], y_label: &str, x_label: &str, title: &s
     let right = if direct { widest + 9.0 } else { 6.0 };
     let width = if columns == 1 { COLUMN } else { FULL };
     let plot = (width - columns as f64 * (LEFT + right) - (columns - 1) as f64 * GAP) / columns as f64;
+    let upright = |panel: &Panel| panel.axes.as_ref().map_or(0.0, |(x, _)| x.upright(plot, TICK.size));
+    let upright = panels.iter().map(upright).fold(0.0, f64::max).min(LONGEST_NAME);
+    let foot = FOOT + upright;
     let mut drawing = Drawing::default();
     let headings = panels.iter().any(|p| !p.heading.is_empty());
     let head = if headings { HEAD } else { HEAD - 10.0 };
     for (i, panel) in panels.iter().enumerate() {
         let left = LEFT + (i % columns) as f64 * (LEFT + plot + right + GAP);
-        let top = head + (i / columns) as f64 * (head + PLOT_HEIGHT + FOOT);
+        let top = head + (i / columns) as f64 * (head + PLOT_HEIGHT + foot);
         if headings {
             let room = plot + right;
             let line = wrap(&panel.heading, HEADING.size, room).swap_remove(0);
             drawing.text((left, top - 14.0), HEADING, Anchor::Start, &line);
         }
         drawing.text((left, top - 4.5), SMALL, Anchor::Start, y_label);
-        draw_panel(&mut drawing, study, panel, [left, top, plot, PLOT_HEIGHT], direct);
+        draw_panel(&mut drawing, study, panel, [left, top, plot, PLOT_HEIGHT], (direct, upright > 0.0));
         if i + columns >= panels.len() {
-            drawing.text((left + plot / 2.0, top + PLOT_HEIGHT + 22.0), LABEL, Anchor::Middle, x_label);
+            drawing.text((left + plot / 2.0, top + PLOT_HEIGHT + 22.0 + upright), LABEL, Anchor::Middle, x_label);
         }
     }
-    let mut height = rows as f64 * (head + PLOT_HEIGHT + FOOT);
+    let mut height = rows as f64 * (head + PLOT_HEIGHT + foot);
     if !direct {
         height = legend(&mut drawing, study, panels, height + 8.0, width);
     }
     drawing.finish_scaled(width, height + 2.0, SCREEN, title, description)
 }
 
-fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, width, height]: [f64; 4], direct: bool) {
+fn draw_panel(
+    drawing: &mut Drawing,
+    study: &Study,
+    panel: &Panel,
+    [left, top, width, height]: [f64; 4],
+    (direct, upright): (bool, bool),
+) {
     let bottom = top + height;
     let Some((x_axis, y_axis)) = &panel.axes else {
         drawing.frame([left, top, width, height], FRAME);
@@ -207,11 +237,17 @@ fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, w
     };
     let x = |value: f64| left + width * x_axis.place(value);
     let y = |value: f64| (bottom - height * y_axis.place(value)).clamp(top, bottom);
-    for ((value, label), named) in x_axis.ticks.iter().zip(labelled(x_axis, &x)) {
+    let all = vec![true; x_axis.ticks.len()];
+    for ((value, label), named) in x_axis.ticks.iter().zip(if upright { all } else { labelled(x_axis, &x) }) {
         drawing.line([x(*value), top, x(*value), bottom], LIGHT_GRID, 0.5);
         drawing.line([x(*value), bottom, x(*value), bottom + 2.5], FRAME, 0.6);
-        if named {
-            drawing.tick_label((x(*value), bottom + 10.5), TICK, Anchor::Middle, label);
+        match label {
+            Label::Plain(text) if upright => {
+                let text = shorten(text, TICK.size, LONGEST_NAME);
+                drawing.text_upwards((x(*value) + 2.4, bottom + 5.0), TICK, Anchor::End, &text);
+            }
+            label if named => drawing.tick_label((x(*value), bottom + 10.5), TICK, Anchor::Middle, label),
+            _ => {}
         }
     }
     for (value, label) in &y_axis.ticks {
@@ -240,7 +276,8 @@ fn draw_panel(drawing: &mut Drawing, study: &Study, panel: &Panel, [left, top, w
         if let Some(band) = &line.band {
             let points: Vec<(f64, f64)> = band.mean.iter().map(|(vx, vy)| (x(*vx), y(*vy))).collect();
             drawing.curve(&points, line.style, 1.2);
-            let mut place = f64::NEG_INFINITY;
+            // Single values have filled markers, at every one of them.
+            let mut place = if line.curves.is_empty() { f64::INFINITY } else { f64::NEG_INFINITY };
             let offset = 6.0 * line.series as f64;
             for at in points.iter().filter(|p| p.0 > left + offset + 4.0) {
                 if at.0 - place >= 34.0 && left + width - at.0 > 7.0 {
@@ -308,7 +345,7 @@ fn direct_labels(
     let step = LABEL.size + 1.4;
     let mut ends: Vec<(&Line, f64, f64)> = Vec::new();
     for line in &panel.lines {
-        let points = line.band.as_ref().map_or(&line.curves[0].points, |band| &band.mean);
+        let points = line.band.as_ref().map_or_else(|| &line.curves[0].points, |band| &band.mean);
         ends.extend(points.last().map(|(vx, vy)| (line, x(*vx), y(*vy))));
     }
     ends.sort_by(|a, b| a.2.total_cmp(&b.2));

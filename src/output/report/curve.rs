@@ -83,6 +83,40 @@ pub enum BandKind {
     Confidence,
 }
 
+impl BandKind {
+    /// That of so many runs.
+    pub fn of(runs: usize) -> BandKind {
+        match runs {
+            0 | 1 => BandKind::Single,
+            2 => BandKind::Range,
+            _ => BandKind::Confidence,
+        }
+    }
+}
+
+/// What several repeats say together of one number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Their mean: geometric on a logarithmic axis.
+    pub mean: f64,
+    /// The lower and the upper end of what [`BandKind::of`] says; both the mean for a single run.
+    pub ends: (f64, f64),
+}
+
+impl Spread {
+    /// That of values which all have a place on such an axis; `None` if there are none.
+    pub fn of(scale: Scale, values: &[f64]) -> Option<Spread> {
+        let placed: Vec<f64> = values.iter().map(|v| if scale == Scale::Log { v.ln() } else { *v }).collect();
+        let back = |y: f64| if scale == Scale::Log { y.exp() } else { y };
+        let (mean, half) = mean_and_interval(&placed);
+        let ends = match BandKind::of(placed.len()) {
+            BandKind::Confidence => (mean - half.unwrap_or(0.0), mean + half.unwrap_or(0.0)),
+            _ => placed.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v))),
+        };
+        (!values.is_empty()).then(|| Spread { mean: back(mean), ends: (back(ends.0), back(ends.1)) })
+    }
+}
+
 /// The band of repeats over the x that all of them reach. A single run is its own mean, point by point.
 pub fn band(curves: &[Curve]) -> Option<Band> {
     let curves: Vec<&Curve> = curves.iter().filter(|c| !c.points.is_empty()).collect();
@@ -95,22 +129,17 @@ pub fn band(curves: &[Curve]) -> Option<Band> {
     if low > high {
         return None;
     }
-    let kind = if curves.len() == 2 { BandKind::Range } else { BandKind::Confidence };
+    let kind = BandKind::of(curves.len());
     let mut band = Band { mean: Vec::new(), ends: Vec::new(), kind };
     for step in 0..STEPS {
         let x = low * (high / low).powf(step as f64 / (STEPS - 1) as f64);
-        let values: Vec<f64> = curves.iter().filter_map(|c| c.at(x).map(|y| c.forward(y))).collect();
+        let values: Vec<f64> = curves.iter().filter_map(|c| c.at(x)).collect();
         if values.len() < curves.len() {
             continue;
         }
-        let (mean, half) = mean_and_interval(&values);
-        let (from, to) = match kind {
-            BandKind::Confidence => (mean - half.unwrap_or(0.0), mean + half.unwrap_or(0.0)),
-            _ => values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v))),
-        };
-        let back = |y: f64| if scale == Scale::Log { y.exp() } else { y };
-        band.mean.push((x, back(mean)));
-        band.ends.push((back(from), back(to)));
+        let Some(spread) = Spread::of(scale, &values) else { continue };
+        band.mean.push((x, spread.mean));
+        band.ends.push(spread.ends);
         if low == high {
             break;
         }

@@ -24,12 +24,7 @@ const SMALL: Font = Font::new(7.0, FAINT);
 /// # Errors
 /// When an axis was asked for that is not there.
 pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
-    let mut axes: Vec<String> = Vec::new();
-    for axis in study.nights.iter().flat_map(|n| &n.axes) {
-        if !axes.contains(axis) {
-            axes.push(axis.clone());
-        }
-    }
+    let axes = study.axes();
     let pair = match &options.heat {
         Some(pair) => {
             if let Some(missing) = pair.iter().find(|axis| !axes.contains(axis)) {
@@ -38,7 +33,7 @@ pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
             Some(pair.clone())
         }
         None => {
-            let varying: Vec<&String> = axes.iter().filter(|axis| values(study, axis).len() > 1).collect();
+            let varying: Vec<&String> = axes.iter().filter(|axis| study.values(axis).len() > 1).collect();
             // What is compared across, what stands apart down.
             let compared = varying.iter().position(|axis| study.by.contains(axis));
             match (varying.as_slice(), compared) {
@@ -54,21 +49,10 @@ pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
     Ok((0..study.metrics.len()).filter_map(|metric| map(study, metric, &pair)).collect())
 }
 
-/// The values of an axis in the order of the plans.
-fn values(study: &Study, axis: &str) -> Vec<String> {
-    let mut found: Vec<String> = Vec::new();
-    for value in study.all().filter_map(|m| m.run.value(axis)) {
-        if !found.contains(&value) {
-            found.push(value);
-        }
-    }
-    found
-}
-
 fn map(study: &Study, metric: usize, [across, down]: &[String; 2]) -> Option<Item> {
     let spec = &study.metrics[metric];
     let shown = Shown::of(spec);
-    let (columns, rows) = (values(study, across), values(study, down));
+    let (columns, rows) = (study.values(across), study.values(down));
     let mut counts = Vec::new();
     let mut mean = |column: &String, row: &String| -> Option<f64> {
         let here = study.all().filter(|m| {

@@ -16,6 +16,7 @@ mod page;
 mod pgfplots;
 mod shots;
 pub(super) mod study;
+mod sweep;
 mod tables;
 mod tidy;
 mod times;
@@ -101,6 +102,7 @@ pub fn build(study: &Study, options: &Options, around: &Surroundings) -> Result<
             items.extend(convergence::figures(study, metric, x));
         }
     }
+    items.extend(sweep::all(study, options)?);
     items.extend(crops::all(study, options, around.pictures, &mut notes)?);
     items.extend(films::all(study, around.pictures, &mut notes)?);
     items.extend(times::all(study, around.pictures, &mut notes)?);

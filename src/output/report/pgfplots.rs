@@ -1,10 +1,9 @@
-//! Convergence figures for LaTeX: a `.tex` with the axes and a `.dat` with the points.
+//! Figures of curves for LaTeX: a `.tex` with the axes and a `.dat` with the points.
 
 use super::convergence::{MOST_COLUMNS, Panel, labelled};
 use super::item::Provenance;
 use super::latex;
 use super::study::Study;
-use crate::experiment::spec::FigureX;
 use crate::output::plot::axis::{Axis, Label, Scale};
 use crate::output::plot::style::style;
 
@@ -18,8 +17,9 @@ pub(super) struct Drawn<'a> {
     pub(super) study: &'a Study<'a>,
     pub(super) panels: &'a [Panel],
     pub(super) y_label: &'a str,
-    pub(super) x: FigureX,
-    pub(super) scale: Scale,
+    pub(super) x_label: &'a str,
+    /// Those of the horizontal and the vertical axes.
+    pub(super) scales: [Scale; 2],
 }
 
 impl Drawn<'_> {
@@ -32,13 +32,14 @@ impl Drawn<'_> {
         let colours: String = (0..self.study.series.len())
             .map(|s| format!("\\definecolor{{lumbre{s}}}{{HTML}}{{{}}}\n", style(s).colour[1..].to_uppercase()))
             .collect();
-        let y_mode = if self.scale == Scale::Log { "ymode=log, " } else { "" };
-        let x_label = if self.x == FigureX::Samples { "samples per pixel" } else { "render time (s)" };
+        let modes = ["xmode=log, ", "ymode=log, "];
+        let logarithmic = |i: usize| if self.scales[i] == Scale::Log { modes[i] } else { "" };
+        let (x_mode, y_mode, x_label) = (logarithmic(0), logarithmic(1), latex::escape(self.x_label));
         let tex = format!(
             "{}% Needs \\usepackage{{pgfplots}} and \\usepgfplotslibrary{{groupplots,fillbetween}}; as wide as \
              {per_row} of three columns of a page.\n{colours}\\begin{{tikzpicture}}\n\\begin{{groupplot}}[group \
              style={{group size={per_row} by {}, horizontal sep={}pt, vertical sep={}pt, xlabels at=edge bottom, \
-             ylabels at=edge left}}, scale only axis, width={}pt, height={}pt, xmode=log, {y_mode}xlabel={{{x_label}}}, \
+             ylabels at=edge left}}, scale only axis, width={}pt, height={}pt, {x_mode}{y_mode}xlabel={{{x_label}}}, \
              ylabel={{{}}}, grid=major, grid style={{black!10}}, minor tick num=0, legend style={{at={{(0,-0.34)}}, \
              anchor=north west, legend columns=-1, draw=none, fill=none, font=\\footnotesize}}, label \
              style={{font=\\footnotesize}}, tick label style={{font=\\scriptsize}}, title \
@@ -108,7 +109,9 @@ impl Drawn<'_> {
 /// The ticks of an axis that is so many points long, with the labels that have room.
 fn ticks(axis: &str, on: &Axis, length: f64) -> String {
     let at: Vec<String> = on.ticks.iter().map(|(value, _)| format!("{value:e}")).collect();
-    let named: Vec<bool> = match length.is_finite() {
+    let upright = length.is_finite() && on.upright(length, 7.0) > 0.0;
+    let turned = if upright { ", x tick label style={rotate=90, anchor=east}" } else { "" };
+    let named: Vec<bool> = match length.is_finite() && !upright {
         true => labelled(on, &|value| length * on.place(value)),
         false => vec![true; on.ticks.len()],
     };
@@ -121,7 +124,11 @@ fn ticks(axis: &str, on: &Axis, length: f64) -> String {
         }
     };
     let labels: Vec<String> = on.ticks.iter().zip(&named).map(text).collect();
-    format!("{axis}tick={{{}}}, {axis}ticklabels={{{}}}, minor {axis} tick num=0", at.join(","), labels.join(","))
+    format!(
+        "{axis}tick={{{}}}, {axis}ticklabels={{{}}}, minor {axis} tick num=0{turned}",
+        at.join(","),
+        labels.join(",")
+    )
 }
 
 fn data(columns: &[(String, Vec<f64>)], provenance: &Provenance) -> String {

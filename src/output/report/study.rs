@@ -27,6 +27,8 @@ pub struct Options {
     pub at_time: Option<f64>,
     /// The two axes of heat maps, across and down; `None` is the first that is compared and the first other that varies.
     pub heat: Option<[String; 2]>,
+    /// Axes over whose values it is drawn what runs have in the end. Empty is all with three or more different numbers.
+    pub sweep: Vec<String>,
 }
 
 /// One thing that is compared.
@@ -200,6 +202,47 @@ impl<'a> Study<'a> {
         study.agree_on_metrics(first);
         study.sort();
         Ok(study)
+    }
+
+    /// The same nights with other axes compared and apart.
+    pub fn regrouped(&self, by: Vec<String>, facet_axes: Vec<String>) -> Study<'a> {
+        let mut study = Study {
+            nights: self.nights,
+            metrics: self.metrics.clone(),
+            by,
+            facet_axes,
+            series: Vec::new(),
+            facets: Vec::new(),
+            devices: self.devices.clone(),
+            names: self.names.clone(),
+            notes: Vec::new(),
+            places: self.places.clone(),
+            members: BTreeMap::new(),
+        };
+        study.sort();
+        study
+    }
+
+    /// Every axis of every night, in order.
+    pub fn axes(&self) -> Vec<String> {
+        let mut axes: Vec<String> = Vec::new();
+        for axis in self.nights.iter().flat_map(|night| &night.axes) {
+            if !axes.contains(axis) {
+                axes.push(axis.clone());
+            }
+        }
+        axes
+    }
+
+    /// The values of an axis in the order of the plans.
+    pub fn values(&self, axis: &str) -> Vec<String> {
+        let mut values: Vec<String> = Vec::new();
+        for value in self.all().filter_map(|m| m.run.value(axis)) {
+            if !values.contains(&value) {
+                values.push(value);
+            }
+        }
+        values
     }
 
     /// Keeps the metrics that every night defines as the first does.

@@ -353,3 +353,79 @@ fn each_series_is_measured_against_the_reference_of_its_own() {
     assert_eq!(truths, [0, 0, 3, 3]);
     assert_eq!(data["runs"][0]["floors"][0], 0.004);
 }
+
+/// The night with a third axis: three numbers of bins, whose hierarchies cost less with each. Its repeats become those
+/// numbers, and every run stands there twice, the second time a tenth slower to build.
+fn swept() -> Night {
+    let mut night = night("Sample GPU", 1.0);
+    night.axes.push("bins".to_owned());
+    let mut runs = Vec::new();
+    for run in &night.runs {
+        for repeat in 0..2u64 {
+            let bins = [2i64, 8, 32][run.repeat as usize];
+            let mut one = run.clone();
+            one.point.push(("bins".to_owned(), Value::Int(bins)));
+            one.id = format!("{:032x}", 0xabc000 + runs.len());
+            one.repeat = repeat;
+            one.accel = Some((0.001 * bins as f64 * (1.0 + 0.1 * repeat as f64), 70 + bins as u64));
+            runs.push(one);
+        }
+    }
+    night.runs = runs;
+    night
+}
+
+#[test]
+fn what_runs_have_in_the_end_is_drawn_over_axes_of_numbers() {
+    let made = report(&[swept()], &Options::default());
+    let stems: Vec<&str> = made.items.iter().map(|i| i.stem.as_str()).filter(|s| s.contains("/sweep-")).collect();
+    let columns = ["rmse", "ssim", "mpaths_s", "accel_build_s", "accel_nodes", "accel_mib", "accel_cost"];
+    assert_eq!(stems, columns.map(|column| format!("figures/sweep-bins-{column}")));
+    let build = item(&made, "figures/sweep-bins-accel_build_s");
+    let svg = build.svg.as_deref().unwrap();
+    assert!(
+        svg.contains(">build (s)</text>") && svg.contains(">bins</text>") && svg.contains(">lamps</text>"),
+        "{svg}"
+    );
+    // A band and a line for each of two series in each of two panels, and a marker at each of three places.
+    assert_eq!(svg.matches("fill-opacity=\"0.16\"").count(), 4);
+    assert_eq!(svg.matches("<circle").count(), 2 * 3, "markers of the first series");
+    assert_eq!(
+        build.caption,
+        "Seconds spent building the hierarchy, over bins. Geometric mean of repeats; band: the range of the two. \
+         Measured on Sample GPU."
+    );
+    assert_eq!(build.provenance.runs.len(), 24);
+    let dat = text(&made, "figures/sweep-bins-accel_build_s", "dat");
+    let first = dat.lines().filter(|l| !l.starts_with('#')).nth(1).unwrap();
+    let numbers: Vec<f64> = first.split(' ').take(4).map(|n| n.parse().unwrap()).collect();
+    let expected = [2.0, 0.002 * 1.1f64.sqrt(), 0.002, 0.0022];
+    assert!(numbers.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-9), "{numbers:?}");
+    let tex = text(&made, "figures/sweep-bins-accel_build_s", "tex");
+    assert!(tex.contains("xmode=log, ymode=log, xlabel={bins}, ylabel={build (s)}"), "{tex}");
+    assert!(build.files().unwrap().iter().any(|(name, bytes)| name.ends_with("pdf") && bytes.len() > 1000));
+    // The errors are the same everywhere: the axis is linear where nothing spans a factor of ten.
+    let tex = text(&made, "figures/sweep-bins-accel_nodes", "tex");
+    assert!(tex.contains("xmode=log, xlabel={bins}, ylabel={nodes}"), "{tex}");
+}
+
+#[test]
+fn names_are_drawn_over_when_asked_for_and_stand_upright_where_they_are_long() {
+    let options = Options { sweep: vec!["scene".to_owned()], ..Options::default() };
+    let mut long = night("Sample GPU", 1.0);
+    for run in long.runs.iter_mut().filter(|run| run.scene == "lamps.scn") {
+        run.point[0].1 = Value::from("two lamps in a room that is so long that its name cannot stand beside another");
+    }
+    let made = report(&[long], &options);
+    let figure = item(&made, "figures/sweep-scene-rmse");
+    let svg = figure.svg.as_deref().unwrap();
+    assert!(svg.contains("rotate(-90") && svg.contains(">two lamps in a room"), "{svg}");
+    assert!(text(&made, "figures/sweep-scene-rmse", "tex").contains("rotate=90, anchor=east"));
+    assert!(figure.files().is_ok(), "a PDF can hold what stands upright");
+    let stems: Vec<&str> = made.items.iter().map(|i| i.stem.as_str()).collect();
+    assert!(!stems.contains(&"figures/sweep-scene-accel_nodes"), "all scenes have the same hierarchy");
+    let unknown = Options { sweep: vec!["scenes".to_owned()], ..Options::default() };
+    let nights = [night("Sample GPU", 1.0)];
+    let study = Study::new(&nights, &unknown).unwrap();
+    assert!(sweep::all(&study, &unknown).unwrap_err().to_string().contains("axes: scene, technique"));
+}

@@ -10,12 +10,7 @@ use crate::output::labels::{csv_line, exact};
 /// Both begin with the same columns: night, plan, run, the axes (`axis.<name>`), repeat, seed, device. `data/columns.csv`
 /// says what every column is and its unit.
 pub fn all(study: &Study) -> Vec<Item> {
-    let mut axes: Vec<String> = Vec::new();
-    for axis in study.nights.iter().flat_map(|n| &n.axes) {
-        if !axes.contains(axis) {
-            axes.push(axis.clone());
-        }
-    }
+    let axes = study.axes();
     let provenance = Provenance::of(study.all());
     let item = |name: &str, title: &str, caption: &str, csv: String| Item {
         kind: Kind::Data,

@@ -103,7 +103,7 @@ pub fn figure(movie: &Movie, curves: &[Curve]) -> Result<(String, Vec<u8>), Outp
             None => "optical length (scene units)".to_owned(),
         };
         drawing.text(((LEFT + WIDTH - RIGHT) / 2.0, HEIGHT - 10.0), small, Anchor::Middle, &unit);
-        drawing.text_upwards((12.0, (TOP + HEIGHT - BOTTOM) / 2.0), small, "luminance in a bin");
+        drawing.text_upwards((12.0, (TOP + HEIGHT - BOTTOM) / 2.0), small, Anchor::Middle, "luminance in a bin");
     }
     let svg = drawing.finish(WIDTH, HEIGHT, "Light over time", "mean luminance of each bin");
     let png = rasterize(&svg)?;

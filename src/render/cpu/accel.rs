@@ -184,7 +184,7 @@ impl Accel {
 }
 
 /// What stands in the world for itself: triangles, then spheres.
-pub(super) fn world(scene: &CompiledScene) -> Vec<Bounded> {
+pub(in crate::render) fn world(scene: &CompiledScene) -> Vec<Bounded> {
     let triangles = scene.triangles[..scene.world_triangles()].iter().map(Bounded::triangle);
     let spheres = scene.spheres.iter().map(|s| {
         let (c, r) = (Vec3A::from(s.center), Vec3A::splat(s.radius));

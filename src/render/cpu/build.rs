@@ -15,7 +15,7 @@ use crate::render::hierarchy::{AccelSpec, Builder, Quality};
 
 /// A primitive as builders see it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounded {
+pub(in crate::render) struct Bounded {
     pub aabb: Aabb,
     /// What decides on which side of a cut it lies: the mean of a triangle's corners, or the middle of anything else.
     pub centroid: Vec3A,
@@ -34,7 +34,7 @@ impl Bounded {
 }
 
 /// The presets of `obvhs`, without cutting triangles into several boxes.
-pub(super) fn params(quality: Quality) -> BvhBuildParams {
+pub(in crate::render) fn params(quality: Quality) -> BvhBuildParams {
     let preset = match quality {
         Quality::Fastest => BvhBuildParams::fastest_build(),
         Quality::VeryFast => BvhBuildParams::very_fast_build(),
@@ -47,7 +47,7 @@ pub(super) fn params(quality: Quality) -> BvhBuildParams {
 }
 
 /// The binary tree over at least one primitive.
-pub(super) fn binary(spec: &AccelSpec, of: &[Bounded], max_leaf: u32) -> Bvh2 {
+pub(in crate::render) fn binary(spec: &AccelSpec, of: &[Bounded], max_leaf: u32) -> Bvh2 {
     match spec.builder {
         Builder::None => Divided::new(of, usize::MAX, 0).tree,
         Builder::Plane => Divided::new(of, max_leaf as usize, spec.max_depth).by(plane),

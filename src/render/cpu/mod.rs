@@ -1,16 +1,17 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
-//! [`accel`] holds the hierarchy, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
+//! [`accel`] holds the hierarchy, `packed` its compressed form, which `vulkan-compute` walks as well, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
 //! the sums of films beside the main one, `times` those of films with a time axis, `streams` paths in the lanes of vectors, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
 mod bins;
-mod build;
+pub(super) mod build;
 mod compressed;
 mod copies;
 mod intersect;
 pub mod lanes;
 mod layers;
+pub(super) mod packed;
 mod paths;
 pub mod rates;
 pub mod renderer;

@@ -1,24 +1,25 @@
 //! The hierarchies that `shaders/trace/bvh.glsl` walks: eight-wide nodes with compressed boxes [Ylitie et al. 2017, Efficient
-//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs], built by `obvhs`. One stands over the triangles that are no
+//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs], built as a run's `accel` says. One stands over the triangles that are no
 //! copies, over spheres and over the boxes of copies; a mesh that stands in many places has one of its own, in its own space.
 //! All lie behind one another in the same arrays, the scene's first.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use ash::vk;
-use glam::{Vec3, Vec3A};
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
+use glam::Vec3;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
 
 use super::buffer::Buffer;
 use super::device::Device;
 use super::error::VulkanError;
 use super::layout::{self, BVH_STACK};
+use crate::render::cpu::accel::world;
+use crate::render::cpu::build::Bounded;
+use crate::render::cpu::packed::{cost, levels, packed};
 use crate::render::entrance::{self, Entrance};
+use crate::render::hierarchy::AccelSpec;
 use crate::scene::CompiledScene;
 
 /// A scene's hierarchies on a device.
@@ -31,6 +32,8 @@ pub struct Bvh {
     pub entrances: Buffer,
     /// Number of nodes.
     pub node_count: usize,
+    /// What a ray costs that meets the scene's box, by the surface area heuristic.
+    pub cost: f64,
     /// Seconds spent building.
     pub build_s: f64,
 }
@@ -40,9 +43,9 @@ impl Bvh {
     ///
     /// # Errors
     /// When they are too deep for the shader's stack, or do not fit onto the device.
-    pub fn new(device: &Arc<Device>, scene: &CompiledScene) -> Result<Bvh, VulkanError> {
+    pub fn new(device: &Arc<Device>, scene: &CompiledScene, spec: &AccelSpec) -> Result<Bvh, VulkanError> {
         let start = Instant::now();
-        let trees = Trees::new(scene);
+        let trees = Trees::new(scene, spec);
         if trees.stack > BVH_STACK as usize {
             let needed = format!(
                 "a traversal stack of {} entries for this scene's hierarchy; there are {BVH_STACK}",
@@ -57,6 +60,7 @@ impl Bvh {
             primitives: Buffer::with(device, "primitives of leaves", &trees.primitives, none)?,
             entrances: Buffer::with(device, "entrances of copies", &trees.entrances, none)?,
             node_count: trees.nodes.len(),
+            cost: trees.cost,
             build_s,
         })
     }
@@ -75,38 +79,42 @@ struct Trees {
     entrances: Vec<layout::Entrance>,
     /// The most entries that a ray has on the stack.
     stack: usize,
+    cost: f64,
 }
 
 impl Trees {
-    fn new(scene: &CompiledScene) -> Trees {
+    fn new(scene: &CompiledScene, spec: &AccelSpec) -> Trees {
         let places = &scene.instances.places;
         let mut trees = Trees::default();
-        let world = scene.world_triangles();
-        let triangles = scene.triangles[..world].iter().map(|t| Aabb::from_points(&t.map(Vec3A::from)));
-        let spheres = scene.spheres.iter().map(|s| {
-            let (c, r) = (Vec3A::from(s.center), Vec3A::splat(s.radius));
-            Aabb::new(c - r, c + r)
-        });
-        let mut boxes: Vec<Aabb> = triangles.chain(spheres).collect();
+        let triangles = scene.world_triangles();
+        let mut of = world(scene);
+        let own = of.len();
         let meshes: Vec<CwBvh> = scene
             .instances
             .meshes
             .iter()
             .map(|mesh| {
                 let own = &scene.triangles[mesh.triangles.start as usize..mesh.triangles.end as usize];
-                build(&own.iter().map(|t| Aabb::from_points(&t.map(Vec3A::from))).collect::<Vec<_>>(), None)
+                packed(spec, &own.iter().map(Bounded::triangle).collect::<Vec<_>>(), spec.max_leaf)
             })
             .collect();
-        boxes.extend(places.iter().map(|place| {
+        of.extend(places.iter().map(|place| {
             let first = meshes[place.mesh as usize].nodes.first();
             let [low, high] = entrance::bounds(place, first.into_iter().flat_map(children));
-            Aabb::new(low.into(), high.into())
+            Bounded::boxed(low.into(), high.into())
         }));
         // A copy is dear to enter: each has its own box.
-        let top = build(&boxes, (!places.is_empty()).then_some(1));
+        let top = packed(spec, &of, if places.is_empty() { spec.max_leaf } else { 1 });
         trees.stack = levels(&top);
+        let costs: Vec<f64> = meshes.iter().map(|mesh| cost(mesh, |_| 1.0)).collect();
+        trees.cost = cost(&top, |i| match (i as usize).checked_sub(own) {
+            Some(place) => costs[places[place].mesh as usize],
+            None => 1.0,
+        });
         // Ids count all triangles, those of shared meshes too, then spheres, then copies.
-        trees.push(&top, |i| if (i as usize) < world { i } else { i - world as u32 + scene.triangles.len() as u32 });
+        trees.push(&top, |i| {
+            if (i as usize) < triangles { i } else { i - triangles as u32 + scene.triangles.len() as u32 }
+        });
         let roots: Vec<u32> = (meshes.iter().zip(&scene.instances.meshes))
             .map(|(tree, mesh)| trees.push(tree, |i| i + mesh.triangles.start))
             .collect();
@@ -149,27 +157,4 @@ impl Trees {
 fn children(node: &CwBvhNode) -> impl Iterator<Item = [Vec3; 2]> + '_ {
     let there = (0..8).filter(|child| !node.is_child_empty(*child));
     there.map(|child| node.child_aabb(child)).map(|aabb| [aabb.min.into(), aabb.max.into()])
-}
-
-/// A tree over boxes, with so many of them in a leaf.
-fn build(boxes: &[Aabb], most: Option<u32>) -> CwBvh {
-    if boxes.is_empty() {
-        return CwBvh::default();
-    }
-    let mut params = BvhBuildParams::medium_build();
-    params.max_prims_per_leaf = most.unwrap_or(params.max_prims_per_leaf);
-    build_cwbvh(boxes, params, &mut Duration::default())
-}
-
-/// Levels of nodes. A ray leaves at most one entry on the stack for each.
-fn levels(bvh: &CwBvh) -> usize {
-    let mut open: Vec<(usize, usize)> = bvh.nodes.first().map(|_| (0, 1)).into_iter().collect();
-    let mut deepest = 0;
-    while let Some((node, level)) = open.pop() {
-        deepest = deepest.max(level);
-        let node = &bvh.nodes[node];
-        let children = node.imask.count_ones() as usize;
-        open.extend((0..children).map(|i| (node.child_base_idx as usize + i, level + 1)));
-    }
-    deepest
 }

@@ -78,7 +78,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     models: upload::MODELS,
     refuses,
     edited,
-    accel: false,
+    accel: true,
     open: |scene, job| open(Kind::Compute, &scene, job),
     paths: |scene, job, samples| paths(Kind::Compute, scene, job, samples),
 };

@@ -13,7 +13,8 @@ use super::pipeline::{Bindings, Bound, Compute};
 use super::spirv::Sources;
 use super::tracing::{self, Shaders, Tracing};
 use super::upload::SceneBuffers;
-use crate::render::Job;
+use crate::render::hierarchy::AccelSpec;
+use crate::render::{Job, OpenStats};
 use crate::scene::CompiledScene;
 
 /// How rays meet the scene.
@@ -61,7 +62,7 @@ pub enum Traversal {
 }
 
 impl Traversal {
-    /// Builds what a kind needs of a scene.
+    /// Builds what a kind needs of a scene; a hierarchy of our own as it is asked for.
     ///
     /// # Errors
     /// When it does not fit onto the device.
@@ -69,13 +70,14 @@ impl Traversal {
         device: &Arc<Device>,
         kind: Kind,
         scene: &CompiledScene,
+        spec: &AccelSpec,
         buffers: &SceneBuffers,
     ) -> Result<Traversal, VulkanError> {
         if let Some(needed) = kind.lacking(&device.info.caps) {
             return Err(VulkanError::Lacks { device: device.info.line(), needed: needed.to_owned() });
         }
         Ok(match kind {
-            Kind::Compute => Traversal::Bvh(Bvh::new(device, scene)?),
+            Kind::Compute => Traversal::Bvh(Bvh::new(device, scene, spec)?),
             Kind::Pipeline | Kind::Query => Traversal::Accel(Accel::new(device, scene, buffers)?),
         })
     }
@@ -88,12 +90,13 @@ impl Traversal {
         }
     }
 
-    /// Seconds of the build, number of nodes where they are known, and bytes on the device.
-    pub fn built(&self) -> (f64, u64, u64) {
-        match self {
-            Traversal::Bvh(bvh) => (bvh.build_s, bvh.node_count as u64, bvh.bytes()),
-            Traversal::Accel(accel) => (accel.build_s, 0, accel.bytes),
-        }
+    /// Seconds of the build, bytes on the device, and nodes and cost where they are known.
+    pub fn built(&self) -> OpenStats {
+        let (accel_build_s, accel_nodes, accel_bytes, accel_cost) = match self {
+            Traversal::Bvh(bvh) => (bvh.build_s, bvh.node_count as u64, bvh.bytes(), bvh.cost),
+            Traversal::Accel(accel) => (accel.build_s, 0, accel.bytes, 0.0),
+        };
+        OpenStats { accel_build_s, accel_nodes, accel_bytes, accel_cost, ..OpenStats::default() }
     }
 }
 

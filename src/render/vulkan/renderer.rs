@@ -139,8 +139,8 @@ impl VulkanRenderer {
         let scene_buffers = session::scene(device, scene)?;
         let job_buffers = JobBuffers::new(device, scene, job, &layout)?;
         let upload_s = start.elapsed().as_secs_f64();
-        let traversal = Traversal::new(device, kind, scene, &scene_buffers)?;
-        let (build_s, nodes, bytes) = traversal.built();
+        let traversal = Traversal::new(device, kind, scene, &job.accel, &scene_buffers)?;
+        let built = traversal.built();
         let mut defines = vec![
             ("SAMPLER_KIND", format!("{}u", u32::from(job.sampler.name == "sobol"))),
             ("MODELS", upload::models(scene).to_string()),
@@ -195,15 +195,7 @@ impl VulkanRenderer {
             away: (None, 0.0),
             film: Film::new(job.resolution[0], job.resolution[1]),
             first_sample: job.first_sample,
-            open_stats: OpenStats {
-                upload_s,
-                pipeline_s,
-                accel_build_s: build_s,
-                accel_nodes: nodes,
-                accel_bytes: bytes,
-                device: device.info.line(),
-                ..OpenStats::default()
-            },
+            open_stats: OpenStats { upload_s, pipeline_s, device: device.info.line(), ..built },
             refused: false,
         })
     }

@@ -261,8 +261,7 @@ impl Wire for BTreeMap<String, Value> {
 
 impl Wire for Job {
     fn put(&self, to: &mut Vec<u8>) {
-        // A device builds its hierarchy as it likes.
-        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing, accel: _, .. } = self;
+        let Job { integrator, params, resolution, max_depth, rr_start, filter, layers, timing, accel, .. } = self;
         let Job { sampler, seed, first_sample, threads, .. } = self;
         integrator.name.to_owned().put(to);
         params.put(to);
@@ -272,6 +271,7 @@ impl Wire for Job {
         filter.put(to);
         layers.put(to);
         timing.put(to);
+        accel.identity().put(to);
         sampler.name.to_owned().put(to);
         seed.put(to);
         first_sample.put(to);
@@ -288,7 +288,7 @@ impl Wire for Job {
             filter: Wire::take(from)?,
             layers: Wire::take(from)?,
             timing: Wire::take(from)?,
-            accel: AccelSpec::default(),
+            accel: AccelSpec::from_map(&Wire::take(from)?),
             sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
             seed: Wire::take(from)?,
             first_sample: Wire::take(from)?,

@@ -7,54 +7,43 @@ use mlua::{Lua, UserData, Value as LuaValue};
 use super::axis::known_axis;
 use super::builder::Builder;
 use super::{ApiFn, Args, Param, kind};
-use crate::experiment::spec::{FigureSpec, FigureX, TableFormat, TableSpec, TableValue};
+use crate::experiment::spec::{Axis, FigureKind, FigureSpec, FigureX, TableFormat, TableSpec, TableValue};
 use crate::script::error::ScriptError;
 use crate::script::source::Place;
 use crate::script::state::Shared;
 use crate::script::strict;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use crate::value::suggest;
 
 /// Most figures, and most tables, of one experiment.
 const MAX_REPORTS: usize = 64;
 
-/// Values of a table that need no metric.
-const PLAIN_VALUES: &[(&str, TableValue)] = &[
-    ("samples", TableValue::Samples),
-    ("render_s", TableValue::RenderS),
-    ("mpaths_s", TableValue::MpathsPerS),
-    ("fps", TableValue::Fps),
-    ("mrays_s", TableValue::MraysPerS),
-    ("accel_build_s", TableValue::AccelBuildS),
-    ("accel_nodes", TableValue::AccelNodes),
-    ("accel_mib", TableValue::AccelMib),
-    ("accel_cost", TableValue::AccelCost),
-];
-
 /// The options of `x:figure`.
 pub const FIGURE: Table = Table {
     name: "Figure",
-    doc: "A convergence figure, one picture for each combination of the facets.",
+    doc: "A figure, one picture for each combination of the facets.",
     fields: &[
         Field {
             key: "x",
-            ty: Ty::Word(&["render_s", "samples"]),
+            ty: Ty::Str,
             required: false,
             default: "render_s",
-            doc: "horizontal axis: seconds inside the renderer, or samples per pixel",
+            doc: "horizontal axis: seconds inside the renderer, `samples` per pixel, or an axis of the sweep, over whose \
+                  values it is drawn what finished runs have in the end",
         },
         Field {
             key: "y",
-            ty: Ty::OneOrMany(&Ty::Str),
+            ty: Ty::Object("string|TimeTo|(string|TimeTo)[]"),
             required: true,
             default: "",
-            doc: "metric columns, one panel each",
+            doc: "metric columns, one panel each; over an axis of the sweep whatever a table can show",
         },
         Field {
             key: "by",
             ty: Ty::Str,
             required: false,
-            default: "one curve for each cell",
+            default: "one curve for each cell; over an axis, for each combination of the others",
             doc: "the axis that distinguishes curves",
         },
         Field {
@@ -63,6 +52,13 @@ pub const FIGURE: Table = Table {
             required: false,
             default: "one picture",
             doc: "the axes that distinguish pictures",
+        },
+        Field {
+            key: "only",
+            ty: Ty::Any("table<string, any>"),
+            required: false,
+            default: "everything",
+            doc: "axes with the value or the list of values that are drawn: only = { builder = \"sah\" }",
         },
     ],
 };
@@ -78,7 +74,8 @@ pub const TABLE: Table = Table {
             required: true,
             default: "",
             doc: "a metric column (its final value), `samples`, `render_s`, `mpaths_s`, `fps` (samples of every pixel \
-                  per second of render time), or time_to(column, threshold)",
+                  per second of render time), `mrays_s`, of the hierarchy `accel_build_s`, `accel_nodes`, `accel_mib` and \
+                  `accel_cost`, or time_to(column, threshold)",
         },
         Field {
             key: "rows",
@@ -135,7 +132,7 @@ pub const METHODS: &[ApiFn] = &[
             Param { name: "options", ty: "Figure", doc: "What it shows." },
         ],
         returns: "",
-        doc: "Draws convergence curves of the results.",
+        doc: "Draws curves of the results: errors as runs go on, or what they have in the end over an axis of the sweep.",
         call: figure,
     },
 ];
@@ -199,19 +196,72 @@ fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     let name = file_name(shared, args)?;
     let path = format!("figure.{name}");
     let options = args.table(shared, 1, "options")?;
-    let fields = strict::fields(&options, &FIGURE, &path, false).map_err(|e| args.blame(shared, e))?;
-    let word = |key: &str| fields.values.get(key).and_then(Value::as_str);
-    let spec = FigureSpec {
-        name: name.clone(),
-        x: if word("x") == Some("samples") { FigureX::Samples } else { FigureX::RenderS },
-        y: names(fields.values.get("y")),
-        by: word("by").map(str::to_owned),
-        facet: names(fields.values.get("facet")),
+    let read = || -> Result<FigureSpec, SchemaError> {
+        let fields = strict::fields(&options, &FIGURE, &path, false)?;
+        let word = |key: &str| fields.values.get(key).and_then(Value::as_str);
+        let y = fields.objects.get("y").map_or(Ok(Vec::new()), |y| quantities(y, &path))?;
+        let columns =
+            |y: Vec<TableValue>| y.iter().map(|value| plain_column(value, &path)).collect::<Result<Vec<_>, _>>();
+        let kind = match word("x").unwrap_or("render_s") {
+            "render_s" => FigureKind::Convergence { x: FigureX::RenderS, y: columns(y)? },
+            "samples" => FigureKind::Convergence { x: FigureX::Samples, y: columns(y)? },
+            axis => FigureKind::Sweep { over: axis.to_owned(), y },
+        };
+        Ok(FigureSpec {
+            name: name.clone(),
+            kind,
+            by: word("by").map(str::to_owned),
+            facet: names(fields.values.get("facet")),
+            only: kept(fields.values.get("only"), &path)?,
+        })
     };
+    let spec = read().map_err(|e| args.blame(shared, e))?;
     let mut builder = shared.builder.borrow_mut();
     is_new(shared, args, &name, &builder.figures, |f| &f.name)?;
     builder.figures.push((spec, args.place.clone()));
     Ok(LuaValue::Nil)
+}
+
+/// What a figure shows: one value, or a list of them.
+fn quantities(y: &LuaValue, path: &str) -> Result<Vec<TableValue>, SchemaError> {
+    let LuaValue::Table(list) = y else { return Ok(vec![table_value(y, path, "y")?]) };
+    list.sequence_values::<LuaValue>()
+        .map(|item| match item {
+            Ok(item) => table_value(&item, path, "y"),
+            Err(e) => Err(field_error(&format!("{path}.y"), "y", e.to_string(), None)),
+        })
+        .collect()
+}
+
+/// The column of a figure that shows measurements as a run goes on.
+fn plain_column(value: &TableValue, path: &str) -> Result<String, SchemaError> {
+    match value {
+        TableValue::TimeTo { .. } => Err(field_error(
+            &format!("{path}.y"),
+            "y",
+            "times to thresholds are one number for each run".to_owned(),
+            Some("draw them over an axis of the sweep: x = \"depth\"".to_owned()),
+        )),
+        value => Ok(value.word()),
+    }
+}
+
+/// Axes with the values that are drawn.
+fn kept(value: Option<&Value>, path: &str) -> Result<Vec<(String, Vec<Value>)>, SchemaError> {
+    let values = |value: &Value| match value {
+        Value::List(values) => values.clone(),
+        one => vec![one.clone()],
+    };
+    match value {
+        None => Ok(Vec::new()),
+        Some(Value::Map(axes)) => Ok(axes.iter().map(|(axis, kept)| (axis.clone(), values(kept))).collect()),
+        Some(_) => Err(field_error(
+            &format!("{path}.only"),
+            "only",
+            "expected axes with their values".to_owned(),
+            Some("only = { depth = { 3, 5 } }".to_owned()),
+        )),
+    }
 }
 
 fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
@@ -221,7 +271,7 @@ fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
     let read = || -> Result<TableSpec, SchemaError> {
         let fields = strict::fields(&options, &TABLE, &path, false)?;
         let value = match fields.objects.get("value") {
-            Some(value) => table_value(value, &path)?,
+            Some(value) => table_value(value, &path, "value")?,
             None => TableValue::Samples,
         };
         let formats = match names(fields.values.get("format")) {
@@ -245,22 +295,22 @@ fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
     Ok(LuaValue::Nil)
 }
 
-fn table_value(value: &LuaValue, path: &str) -> Result<TableValue, SchemaError> {
-    let wrong = |help: Option<&str>| SchemaError {
-        path: format!("{path}.value"),
+fn table_value(value: &LuaValue, path: &str, key: &str) -> Result<TableValue, SchemaError> {
+    let wrong = |help: Option<String>| SchemaError {
+        path: format!("{path}.{key}"),
         problem: format!("expected the name of a column or time_to(column, threshold), found {}", kind(value)),
-        help: help.map(str::to_owned),
-        key: "value".to_owned(),
+        help,
+        key: key.to_owned(),
     };
     match value {
         LuaValue::String(s) => {
             let name = s.to_string_lossy();
-            let plain = PLAIN_VALUES.iter().find(|(n, _)| *n == name);
+            let plain = TableValue::PLAIN.iter().find(|(n, _)| *n == name);
             Ok(plain.map_or(TableValue::Metric(name), |(_, v)| v.clone()))
         }
         LuaValue::UserData(data) => match data.borrow::<TimeToObject>() {
             Ok(t) => Ok(TableValue::TimeTo { column: t.column.clone(), threshold: t.threshold }),
-            Err(_) => Err(wrong(Some("a metric is named by its column: value = \"rmse\""))),
+            Err(_) => Err(wrong(Some(format!("a metric is named by its column: {key} = \"rmse\"")))),
         },
         _ => Err(wrong(None)),
     }
@@ -273,42 +323,102 @@ fn table_value(value: &LuaValue, path: &str) -> Result<TableValue, SchemaError> 
 pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
     let axes = builder.axis_names();
     let columns = builder.columns();
+    let plain: Vec<&str> = TableValue::PLAIN.iter().map(|(name, _)| *name).collect();
     for (figure, place) in &builder.figures {
         let at = |key: &str| format!("figure.{}.{key}", figure.name);
         let check = || -> Result<(), SchemaError> {
-            figure.y.iter().try_for_each(|name| column(name, &columns, &[], &at("y"), "y"))?;
-            if figure.y.is_empty() {
-                return Err(field_error(&at("y"), "y", "no metric column".to_owned(), None));
+            match &figure.kind {
+                FigureKind::Convergence { y, .. } => {
+                    y.iter().try_for_each(|name| column(name, &columns, &[], &at("y"), "y"))?;
+                    if y.is_empty() {
+                        return Err(field_error(&at("y"), "y", "no metric column".to_owned(), None));
+                    }
+                    measured(builder, &at("y"), "y")?;
+                }
+                FigureKind::Sweep { over, y } => {
+                    horizontal(over, &axes, &at("x"))?;
+                    y.iter().try_for_each(|value| quantity(builder, value, &columns, &plain, &at("y"), "y"))?;
+                    if y.is_empty() {
+                        return Err(field_error(&at("y"), "y", "nothing to draw".to_owned(), None));
+                    }
+                }
             }
             figure.by.iter().try_for_each(|name| axis(name, &axes, &at("by"), "by"))?;
             figure.facet.iter().try_for_each(|name| axis(name, &axes, &at("facet"), "facet"))?;
-            let all: Vec<&String> = figure.facet.iter().chain(&figure.by).collect();
-            twice(&all, &at("facet"), "facet")?;
-            measured(builder, &at("y"), "y")
+            figure.only.iter().try_for_each(|kept| drawn(&builder.axes, &axes, kept, &at("only")))?;
+            let over = match &figure.kind {
+                FigureKind::Sweep { over, .. } => Some(over),
+                FigureKind::Convergence { .. } => None,
+            };
+            let all: Vec<&String> = figure.facet.iter().chain(&figure.by).chain(over).collect();
+            twice(&all, &at("facet"), "facet")
         };
         check().map_err(|e| shared.sources.borrow().blame(place, e))?;
     }
-    let plain: Vec<&str> = PLAIN_VALUES.iter().map(|(name, _)| *name).collect();
     for (table, place) in &builder.tables {
         let at = |key: &str| format!("table.{}.{key}", table.name);
         let check = || -> Result<(), SchemaError> {
-            match &table.value {
-                TableValue::Metric(name) => column(name, &columns, &plain, &at("value"), "value")?,
-                TableValue::TimeTo { column: name, .. } => column(name, &columns, &[], &at("value"), "value")?,
-                _ => {}
-            }
+            quantity(builder, &table.value, &columns, &plain, &at("value"), "value")?;
             table.rows.iter().try_for_each(|name| axis(name, &axes, &at("rows"), "rows"))?;
             table.cols.iter().try_for_each(|name| axis(name, &axes, &at("cols"), "cols"))?;
             let all: Vec<&String> = table.rows.iter().chain(&table.cols).collect();
-            twice(&all, &at("rows"), "rows")?;
-            match table.value {
-                TableValue::Metric(_) | TableValue::TimeTo { .. } => measured(builder, &at("value"), "value"),
-                _ => Ok(()),
-            }
+            twice(&all, &at("rows"), "rows")
         };
         check().map_err(|e| shared.sources.borrow().blame(place, e))?;
     }
     Ok(())
+}
+
+/// Checks what a table or a figure over an axis shows.
+fn quantity(
+    builder: &Builder,
+    value: &TableValue,
+    columns: &[&str],
+    plain: &[&str],
+    path: &str,
+    key: &str,
+) -> Result<(), SchemaError> {
+    match value {
+        TableValue::Metric(name) => column(name, columns, plain, path, key)?,
+        TableValue::TimeTo { column: name, .. } => column(name, columns, &[], path, key)?,
+        _ => return Ok(()),
+    }
+    measured(builder, path, key)
+}
+
+/// Checks that a figure's horizontal axis is one of the sweep, since it is none of the others.
+fn horizontal(name: &str, axes: &[&str], path: &str) -> Result<(), SchemaError> {
+    if axes.contains(&name) {
+        return Ok(());
+    }
+    let known: Vec<&str> = axes.iter().copied().chain(["render_s", "samples"]).collect();
+    let help = suggest::nearest(name, known.iter().copied())
+        .map_or_else(|| format!("known: {}", known.join(", ")), |near| format!("did you mean `{near}`?"));
+    let problem = format!("`{name}` is neither an axis of the sweep nor `render_s` or `samples`");
+    Err(field_error(path, "x", problem, Some(help)))
+}
+
+/// Checks that an axis has the values that a figure is to show.
+fn drawn(
+    declared: &[Axis],
+    axes: &[&str],
+    (name, values): &(String, Vec<Value>),
+    path: &str,
+) -> Result<(), SchemaError> {
+    axis(name, axes, path, name)?;
+    let place = |a: &Axis| a.names.iter().position(|n| n == name);
+    let own = declared.iter().filter_map(|a| Some((a, place(a)?)));
+    let known: Vec<&Value> = own.flat_map(|(a, at)| a.steps.iter().map(move |step| &step[at])).collect();
+    match values.iter().find(|value| !known.contains(value)) {
+        None => Ok(()),
+        Some(value) => {
+            let texts: Vec<String> = known.iter().map(ToString::to_string).collect();
+            let near = suggest::nearest(&value.to_string(), texts.iter().map(String::as_str));
+            let help = near.map_or_else(|| format!("values: {}", texts.join(", ")), |n| format!("did you mean `{n}`?"));
+            let problem = format!("the axis `{name}` has no value `{value}`");
+            Err(field_error(&format!("{path}.{name}"), name, problem, Some(help)))
+        }
+    }
 }
 
 fn field_error(path: &str, key: &str, problem: String, help: Option<String>) -> SchemaError {

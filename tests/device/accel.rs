@@ -1,0 +1,64 @@
+//! `vulkan-compute` builds its hierarchy as it is asked to, says what became of it, and finds the same hits.
+
+use glam::{Vec2, Vec3};
+use lumbre::render::hierarchy::{AccelSpec, Builder, Quality};
+use lumbre::render::vulkan::program::Kind;
+use lumbre::render::vulkan::renderer::VulkanRenderer;
+use lumbre::render::vulkan::spirv::Sources;
+use lumbre::render::{Job, OpenStats, Renderer};
+use lumbre::transport::integrator::integrator;
+
+use super::harness;
+use super::images::kinds;
+use super::twins::Dice;
+use crate::common::{SceneBuilder, grey, job};
+
+#[test]
+fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
+    let Some(device) = harness::exact() else { return };
+    if !kinds(&device).contains(&Kind::Compute) {
+        return;
+    }
+    // No room around it: where boxes of halves stay whole, the cut in the middle divides nothing more.
+    let sky = Vec3::new(0.5, 1.0, 1.5);
+    let mut b = SceneBuilder::new(Vec3::new(0.0, 0.0, 2.9), Vec3::ZERO, 60.0).environment(None, sky, 0.0);
+    let mut corners = Vec::new();
+    Dice::rows(400, |d, _| {
+        let a = d.vector(1.5);
+        corners.push([a, a + d.vector(0.3), a + d.vector(0.3)]);
+    });
+    for corners in corners {
+        b = b.triangle(corners, [Vec2::ZERO; 3], grey(0.5));
+    }
+    let scene = b.build();
+    let plain = AccelSpec::default();
+    let with = |spec: AccelSpec| -> (OpenStats, Vec<[f64; 3]>) {
+        let job = Job { integrator: integrator("bpt").unwrap(), accel: spec, ..job([24, 16], 3, 5) };
+        let mut renderer = VulkanRenderer::new(&device, Kind::Compute, &Sources::Embedded, &scene, &job).unwrap();
+        renderer.advance(2).unwrap();
+        (renderer.open_stats().clone(), renderer.film().sum.clone())
+    };
+    let by = |builder: Builder, max_leaf: u32| with(AccelSpec { builder, max_leaf, ..plain });
+    let (stats, picture) = with(plain);
+    assert!(picture.iter().flatten().sum::<f64>() > 0.0);
+    let none = by(Builder::None, 8);
+    let [plane, sah, ploc, cwbvh] = [Builder::Plane, Builder::Sah, Builder::Ploc, Builder::Cwbvh].map(|b| by(b, 2));
+    let fine = by(Builder::Sah, 1);
+    let coarse = by(Builder::Sah, 32);
+    let shallow = with(AccelSpec { builder: Builder::Sah, max_depth: 2, ..plain });
+    let bins = with(AccelSpec { builder: Builder::Sah, bins: 2, max_leaf: 2, ..plain });
+    let fast = with(AccelSpec { quality: Quality::Fastest, ..plain });
+    let all = [&none, &plane, &sah, &ploc, &cwbvh, &fine, &coarse, &shallow, &bins, &fast];
+    for (i, (found, film)) in all.into_iter().enumerate() {
+        assert!(found.accel_build_s > 0.0 && found.accel_nodes > 0 && found.accel_bytes > 0, "{i}: {found:?}");
+        assert!(found.accel_cost > 1.0 && found.accel_cost.is_finite(), "{i}: {found:?}");
+        assert!(*film == picture, "{i}: another picture");
+    }
+    let cost = |of: &(OpenStats, Vec<[f64; 3]>)| of.0.accel_cost;
+    assert!(cost(&none) > 400.0 && cost(&none) > 3.0 * cost(&plane), "{} {}", cost(&none), cost(&plane));
+    assert!(cost(&none) > 3.0 * cost(&sah) && cost(&shallow) > 1.5 * cost(&sah), "{}", cost(&shallow));
+    assert!(cost(&bins) != cost(&sah) && cost(&fine) != cost(&coarse), "bins and leaves count");
+    assert_eq!((ploc.0.accel_nodes, cost(&ploc)), (cwbvh.0.accel_nodes, cost(&cwbvh)), "the same by this backend");
+    assert!(cost(&fast) != stats.accel_cost, "quality counts");
+    harness::silent();
+}
