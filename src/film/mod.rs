@@ -3,6 +3,7 @@
 //! Every buffer here is `[y][x][rgb]`, origin top-left, linear sRGB, radiance in scene units.
 
 pub mod layer;
+pub mod prefetch;
 pub mod splat;
 pub mod state;
 pub mod time;

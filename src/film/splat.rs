@@ -10,8 +10,8 @@
 use std::io::{self, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::prefetch::prefetch;
 use super::state::{Misfit, Saved, write_words};
-use crate::math::prefetch::prefetch;
 
 /// The greatest absolute value of one splat: 2^32. Greater ones are refused, like infinite ones.
 pub const MAX_SPLAT: f32 = 4_294_967_296.0;

@@ -7,7 +7,6 @@ pub mod frame;
 #[cfg(target_arch = "x86_64")]
 pub mod lanes;
 pub mod piecewise;
-pub mod prefetch;
 pub mod real;
 pub mod rng;
 pub mod stats;

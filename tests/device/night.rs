@@ -25,7 +25,7 @@ x:axis("on", { "cpu", "vulkan-compute" })
 x:render(function(p) 
   return { scene = "ball.scn", integrator = "bpt", backend = p.on, accel = { builder = "sah", bins = 4, max_leaf = 1 }, film = { time = { start = 3, bin = 0.25, bins = 24 } } }
 end)
-x:stop(function(p) return stop.samples(16) end)
+x:stop(function(p) return stop.samples(1024) end)
 return x
 "#;
 

@@ -243,8 +243,13 @@ mod tests {
         desc.resolution = [32, 24];
         let small = compiled(&desc).unwrap();
         let nee = INTEGRATORS.iter().find(|row| row.name == "nee").unwrap();
+        let mut both = [open(&small, nee, 1).unwrap(), open(&shallow(&small), nee, 1).unwrap()];
+        // What they trace stands in for what they take, which nobody can promise.
+        let turns = in_turns(&mut both, 3, |wave| wave.rays as f64 / wave.paths as f64).unwrap();
+        assert_eq!(turns.len(), 3);
+        assert!(turns.iter().all(|[deep, one]| *one == 1.0 && *deep > 2.0), "{turns:?}");
         let ratio = Ratio::of(["twelve edges", "one"], nee, "path", &[Arc::clone(&small), shallow(&small)], 3).unwrap();
-        assert!(ratio.ratio > 1.5 && ratio.ns[0] > ratio.ns[1], "longer paths cost more: {:?}", ratio.ns);
+        assert!(ratio.ns.iter().all(|ns| *ns > 0.0) && ratio.ratio > 0.0, "{:?}", ratio.ns);
         let table = Ratios { rows: vec![ratio, threads(&small, nee, 1).unwrap()] };
         assert!(table.table().contains("<= 1.5") && table.table().contains(">= 1.9"), "{}", table.table());
         assert_eq!(table.to_json()[0]["of_each"], "path");

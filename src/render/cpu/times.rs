@@ -9,10 +9,10 @@ use std::sync::OnceLock;
 
 use super::bins::Bins;
 use crate::film::Film;
+use crate::film::prefetch::prefetch;
 use crate::film::splat::{self, SplatSums};
 use crate::film::state::{Misfit, Saved, write_words};
 use crate::film::time::{TimeCube, bytes, total};
-use crate::math::prefetch::prefetch;
 use crate::render::Job;
 use crate::transport::contribution::Contribution;
 use crate::transport::flight::Timing;
