@@ -138,8 +138,8 @@ pub const ACCEL: Table = Table {
             ty: Ty::Int { min: 1, max: 255 },
             required: false,
             default: "8",
-            doc: "most primitives of a leaf that is not divided further; the CPU tests eight at once in any case (cwbvh, \
-                  and ploc by vulkan-compute: at most three)",
+            doc: "most primitives of a leaf that is not divided further, and that ploc joins where it costs less; the CPU \
+                  tests eight at once in any case (cwbvh, and ploc by vulkan-compute: at most three)",
         },
         Field {
             key: "quality",
