@@ -47,7 +47,7 @@ pub fn plain(value: &TableValue, last: &WaveRow, open: &OpenStats) -> Option<f64
         TableValue::Fps => Some(last.fps()),
         TableValue::MraysPerS => (last.render_s > 0.0).then(|| last.rays as f64 / last.render_s / 1e6),
         TableValue::AccelBuildS => known(open.accel_build_s),
-        TableValue::AccelNodes => Some(open.accel_nodes as f64),
+        TableValue::AccelNodes => known(open.accel_nodes as f64),
         TableValue::AccelMib => known(open.accel_bytes as f64 / f64::from(1 << 20)),
         TableValue::AccelCost => known(open.accel_cost),
         TableValue::Metric(_) | TableValue::TimeTo { .. } => None,

@@ -8,7 +8,7 @@ use std::time::Instant;
 use super::checkpoint::Kept;
 use super::night::Night;
 use super::tries::{Broken, Try};
-use super::waves::{Waves, slice};
+use super::waves::{Waves, beforehand, slice};
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::memory;
@@ -332,6 +332,7 @@ impl<'a> Night<'a, '_> {
             // A device that went on with this run would work through another's turn.
             let waves = run.waves.as_ref().filter(|_| alone);
             let more = waves.map_or(0, |waves| waves.expected(&progress.standing, samples, &run.work.stop));
+            let more = more.min(beforehand(&progress.standing, slice_s));
             let stats = advance_toward(&mut progress.renderer, samples, more)?;
             let first = stats.invalid > 0
                 && progress.standing.part.invalid == 0

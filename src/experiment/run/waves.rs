@@ -73,6 +73,13 @@ impl Waves {
     }
 }
 
+/// The most samples that may be begun before a call asks for them: three quarters of one of `slice_s`, since rates vary and
+/// what the call does not ask for is thrown away.
+pub(super) fn beforehand(standing: &Standing, slice_s: f64) -> u64 {
+    // Not a number where nothing is known yet, which makes no sample.
+    (0.75 * slice_s * standing.samples() as f64 / standing.render_s()) as u64
+}
+
 /// Samples of the next call of the renderer: the wave in progress, or as many of it as take about `slice_s`.
 pub(super) fn slice(standing: &Standing, slice_s: f64) -> u64 {
     let rate = standing.samples() as f64 / standing.render_s();

@@ -52,7 +52,7 @@ pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure,
                 csv += &row(night, (over, &values[mark.place]), value, &line.rest, mark);
             }
             let shared = lines.iter().filter(|other| other.look == line.look).count() > 1;
-            let kind = BandKind::of(marks.iter().map(|mark| mark.runs).max().unwrap_or(0));
+            let kind = BandKind::of(marks.iter().map(|mark| mark.runs).min().unwrap_or(0));
             let mut marks: Vec<(f64, Mark)> = marks.into_iter().map(|mark| (at(mark.place), mark)).collect();
             marks.sort_by(|a, b| a.0.total_cmp(&b.0));
             let ends = marks.iter().map(|(_, mark)| mark.spread.ends);

@@ -319,7 +319,7 @@ fn draw_panel(
 pub(super) fn labelled(axis: &Axis, x: &impl Fn(f64) -> f64) -> Vec<bool> {
     let power = |i: usize| {
         let exponent = axis.ticks[i].0.log10();
-        (exponent - exponent.round()).abs() < 1e-9
+        !axis.named && (exponent - exponent.round()).abs() < 1e-9
     };
     let count = axis.ticks.len();
     let apart = |keep: &dyn Fn(usize) -> bool| {

@@ -209,19 +209,23 @@ fn panel(
         }
         let members = study.members(facet, series);
         let mut marks: Vec<(f64, Spread)> = Vec::new();
-        let mut most = 0;
+        let mut fewest = usize::MAX;
         for (place, text) in over.values.iter().enumerate() {
             let here = members.iter().filter(|m| m.run.value(over.name).as_ref() == Some(text));
-            let values: Vec<f64> = here.filter_map(|m| value(study, quantity, m)).collect();
-            most = most.max(values.len());
-            marks.extend(Spread::of(scale, &values).map(|spread| (over.at(place), spread)));
+            // Where one of the repeats has no such value, a mean of the others would be none of them all.
+            let values: Option<Vec<f64>> = here.filter(|m| m.run.done()).map(|m| value(study, quantity, m)).collect();
+            if let Some((count, spread)) = values.and_then(|v| Some((v.len(), Spread::of(scale, &v)?))) {
+                fewest = fewest.min(count);
+                marks.push((over.at(place), spread));
+            }
         }
         places = places.max(marks.len());
         if marks.is_empty() {
             continue;
         }
         marks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let kind = BandKind::of(most);
+        // No band where a place has a single run, whose mean would look certain.
+        let kind = BandKind::of(fewest);
         let ends = if kind == BandKind::Single { Vec::new() } else { marks.iter().map(|(_, s)| s.ends).collect() };
         let mean = marks.iter().map(|(x, spread)| (*x, spread.mean)).collect();
         lines.push(Line::of(series, Band { mean, ends, kind }));

@@ -75,6 +75,8 @@ impl CpuRenderer {
         let accel = pool
             .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
             .map_err(|e| failed(e.to_string()))?;
+        // Not the one that came where the builder knows no copies: primitives are numbered as the hierarchy's scene has them.
+        let scene = Arc::clone(&accel.scene);
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
