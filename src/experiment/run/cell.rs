@@ -23,6 +23,7 @@ use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
 use crate::render::cpu::kept_bytes;
 use crate::render::halves::Halves;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
 use crate::scene::{CompiledScene, SceneDesc};
@@ -493,7 +494,11 @@ impl<'a> Night<'a, '_> {
             layers: config.films.clone(),
             timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
-            accel: config.accel,
+            // The time of references is nobody's.
+            accel: AccelSpec {
+                lanes: config.accel.lanes || matches!(work.cell, CellRef::Reference(_)),
+                ..config.accel
+            },
             seed: 0,
             first_sample: work.part.map_or(0, |part| part.first / 2),
             threads: self.options.threads,

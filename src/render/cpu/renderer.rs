@@ -77,12 +77,18 @@ impl CpuRenderer {
             .map_err(|e| failed(e.to_string()))?;
         // Not the one that came where the builder knows no copies: primitives are numbered as the hierarchy's scene has them.
         let scene = Arc::clone(&accel.scene);
+        #[cfg(target_arch = "x86_64")]
+        let streams = Streams::of(&scene, &job, &accel);
+        #[cfg(target_arch = "x86_64")]
+        let in_lanes = streams.is_some();
+        #[cfg(not(target_arch = "x86_64"))]
+        let in_lanes = false;
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
-            device: words(&accel, &job.accel, pool.current_num_threads()),
+            device: words(&accel, &job.accel, pool.current_num_threads(), in_lanes),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -93,7 +99,7 @@ impl CpuRenderer {
             joint: None,
             layers,
             #[cfg(target_arch = "x86_64")]
-            streams: Streams::of(&scene, &job, &accel),
+            streams,
             times,
             timed: OnceLock::new(),
             accel,
@@ -127,15 +133,18 @@ impl CpuRenderer {
 }
 
 /// A line for people: what traces rays, and how.
-fn words(accel: &Accel, spec: &AccelSpec, threads: usize) -> String {
+fn words(accel: &Accel, spec: &AccelSpec, threads: usize, lanes: bool) -> String {
     let plain = AccelSpec::default();
     let tree = match spec.builder {
         Builder::None => "no hierarchy".to_owned(),
         Builder::Cwbvh => format!("{} of obvhs", spec.describe()),
-        _ if AccelSpec { instances: plain.instances, ..*spec } == plain => "eight-wide BVH".to_owned(),
+        _ if AccelSpec { instances: plain.instances, lanes: plain.lanes, ..*spec } == plain => {
+            "eight-wide BVH".to_owned()
+        }
         _ => format!("eight-wide BVH by {}", spec.describe()),
     };
-    format!("cpu, {threads} threads, {tree}, {}", accel.isa().name())
+    let lanes = if lanes { ", paths in lanes" } else { "" };
+    format!("cpu, {threads} threads, {tree}, {}{lanes}", accel.isa().name())
 }
 
 /// What the rows of a wave report, merged without order.

@@ -108,11 +108,12 @@ impl Record {
 }
 
 impl Streams {
-    /// For a job that can be done so: `nee` with one light for each vertex, independent numbers and nothing but a picture, in
+    /// For a job that asks for it and can be done so: `nee` with one light for each vertex, independent numbers and nothing but a picture, in
     /// a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None` for all others, and
     /// where no surface would gain.
     pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
-        let plain = job.integrator.name == nee::ROW.name
+        let plain = job.accel.lanes
+            && job.integrator.name == nee::ROW.name
             && job.sampler.name == sampler::INDEPENDENT.name
             && job.layers.is_empty()
             && job.timing.is_none()
