@@ -59,7 +59,7 @@ pub fn label(plan: &Plan, value: &TableValue) -> String {
     match value {
         TableValue::Metric(column) => {
             let metric = labels::column(plan, column).map(|(_, m)| m);
-            metric.map_or(column.clone(), |m| with_unit(m.row.label, &m.unit()))
+            metric.map_or(column.clone(), |m| labels::with_unit(m.row.label, &m.unit()))
         }
         TableValue::TimeTo { .. } => "time to reach it (s)".to_owned(),
         plain => words(plain).0.to_owned(),
@@ -113,8 +113,4 @@ pub fn words(value: &TableValue) -> (&'static str, &'static str) {
         }
         TableValue::Metric(_) | TableValue::TimeTo { .. } => ("", ""),
     }
-}
-
-fn with_unit(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
 }

@@ -83,6 +83,11 @@ pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure,
     }
     let repeats = lines.iter().flat_map(|line| line.places.iter().map(|(_, cells)| (line.look, cells.clone())));
     let subtitle = match subtitle(&repeats.collect::<Vec<_>>()) {
+        text if text.starts_with("mean")
+            && panels.iter().flat_map(|p| &p.curves).any(|c| c.kind == BandKind::Single) =>
+        {
+            text + "; none where a line has a single run at some place"
+        }
         text if text.starts_with("mean") => text,
         // One run at each point is no line of its own.
         _ => String::new(),

@@ -134,8 +134,8 @@ fn item(
     let (column, label, what) = match quantity {
         Quantity::Metric(metric) => {
             let spec = &study.metrics[*metric];
-            let (label, unit, options) = (Shown::of(spec).label(spec), spec.unit(), spec.describe_options());
-            let label = if unit.is_empty() { label } else { format!("{label} ({unit})") };
+            let label = labels::with_unit(&Shown::of(spec).label(spec), &spec.unit());
+            let options = spec.describe_options();
             let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
             (spec.column.clone(), label, format!("{}{options} when runs stopped", labels::metric_title(spec)))
         }
@@ -148,12 +148,17 @@ fn item(
     let mut caption = format!("{what}, over {}.", over.name);
     let bands = || panels.iter().flat_map(|p| &p.lines).filter_map(|line| line.band.as_ref());
     let mean = if scale == Scale::Log { "Geometric mean" } else { "Mean" };
+    let repeated = study.all().any(|m| m.run.repeat > 0);
     match bands().map(|band| band.kind).max() {
         Some(BandKind::Confidence) => {
             caption += &format!(" {mean} of repeats; band: 95 % confidence interval of the mean by Student's t.");
         }
         Some(BandKind::Range) => caption += &format!(" {mean} of repeats; band: the range of the two."),
+        _ if repeated => caption += &format!(" {mean} of repeats."),
         _ => caption += " One run each.",
+    }
+    if repeated && bands().any(|band| band.kind == BandKind::Single) {
+        caption += " A line that has a single run at some place has no band.";
     }
     let clock = study.clock();
     match (quantity, device) {

@@ -11,7 +11,6 @@ use rayon::prelude::*;
 use super::accel::Accel;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
-#[cfg(target_arch = "x86_64")]
 use super::streams::Streams;
 use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
@@ -48,7 +47,6 @@ pub struct CpuRenderer {
     /// The layers, where the job asks for any.
     layers: Option<LayerSums>,
     /// What shades paths in lanes, where the job can be done so.
-    #[cfg(target_arch = "x86_64")]
     streams: Option<Streams>,
     /// The sums by time, where the job asks for them.
     times: Option<TimeSums>,
@@ -77,18 +75,13 @@ impl CpuRenderer {
             .map_err(|e| failed(e.to_string()))?;
         // Not the one that came where the builder knows no copies: primitives are numbered as the hierarchy's scene has them.
         let scene = Arc::clone(&accel.scene);
-        #[cfg(target_arch = "x86_64")]
         let streams = Streams::of(&scene, &job, &accel);
-        #[cfg(target_arch = "x86_64")]
-        let in_lanes = streams.is_some();
-        #[cfg(not(target_arch = "x86_64"))]
-        let in_lanes = false;
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
-            device: words(&accel, &job.accel, pool.current_num_threads(), in_lanes),
+            device: words(&accel, &job.accel, pool.current_num_threads(), streams.is_some()),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -98,7 +91,6 @@ impl CpuRenderer {
             splats: OnceLock::new(),
             joint: None,
             layers,
-            #[cfg(target_arch = "x86_64")]
             streams,
             times,
             timed: OnceLock::new(),
@@ -114,10 +106,7 @@ impl CpuRenderer {
 impl CpuRenderer {
     /// Whether paths are shaded several at a time in the lanes of vectors. Pictures have the same bits either way.
     pub fn in_lanes(&self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        return self.streams.is_some();
-        #[cfg(not(target_arch = "x86_64"))]
-        false
+        self.streams.is_some()
     }
 
     /// Joins splats and own samples into one film.
@@ -221,7 +210,6 @@ impl Renderer for CpuRenderer {
             None => splats.get_or_init(|| SplatSums::new(width as usize * height as usize)),
         };
         let (layer_rows, spec) = LayerSums::rows(layers, height);
-        #[cfg(target_arch = "x86_64")]
         let streams = self.streams.as_ref();
         let render_row = |y: u32, [sum, sum2]: [&mut [[f64; 3]]; 2], apart: Apart| {
             let trace = Counted { accel, rays: Cell::new(0) };
@@ -236,7 +224,6 @@ impl Renderer for CpuRenderer {
                 timing: job.timing.as_ref(),
             };
             let mut stats = RowStats::default();
-            #[cfg(target_arch = "x86_64")]
             if let Some(streams) = streams {
                 streams.row(&context, job, y, first..first + samples, |x, sample, value| {
                     if !add(value, &mut sum[x as usize], &mut sum2[x as usize]) {
