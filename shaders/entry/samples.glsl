@@ -33,7 +33,10 @@ void render_pixel(uvec2 place) {
         pixel_invalid[at] = invalid;
         atomicAdd(counters.invalid, invalid.count - refused);
     }
-    atomicAdd(counters.rays, rays);
+    uint before = atomicAdd(counters.rays.x, rays);
+    if (before + rays < before) {
+        atomicAdd(counters.rays.y, 1u);
+    }
 }
 
 #endif

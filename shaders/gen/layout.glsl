@@ -306,9 +306,9 @@ struct Invalid {
     uvec2 first; // Low and high word of the index of the first such sample.
 };
 
-// What one dispatch counts.
+// What the dispatches of one submission count.
 struct Counters {
-    uint rays; // Rays, modulo 2^32.
+    uvec2 rays; // Low and high word of the number of rays.
     uint invalid; // Samples and splats that were refused.
 };
 

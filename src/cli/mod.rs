@@ -110,7 +110,7 @@ fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let report = if args.cluster_sim {
         bench::cluster(&global.out, &mut say)
     } else {
-        bench::measure(args, global.threads, &mut say)
+        bench::measure(args, global.threads, global.missing(), &mut say)
     };
     let report = report.map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());

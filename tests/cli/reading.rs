@@ -204,8 +204,42 @@ fn the_bench_measures_every_integrator_and_keeps_the_figures() {
         assert_eq!(row.ends_with(" -"), variance.is_none(), "{row}");
     }
     assert!(scene["integrators"]["nee"]["variance"].is_number(), "{scene}");
-    assert!(place.fail(2, &["bench", "--only"]).contains("SCENES"));
+    assert!(place.fail(2, &["bench", "--only"]).contains("SCENE"));
     assert!(place.fail(2, &["bench", "none.scn", "--only"]).contains("none.scn"));
+}
+
+#[test]
+fn the_bench_measures_scenes_with_options_and_views() {
+    let place = Workplace::new();
+    place.write(
+        "lit.lua",
+        "local s = scene { resolution = { 16, 9 }, max_depth = 2 }\n\
+         local on = s:option('lamp', { 'on', 'off' })\n\
+         s:add { shape = shape.sphere {}, material = 'white' }\n\
+         s:material('white', {})\n\
+         s:environment { color = on == 'on' and { 1, 1, 1 } or { 0.1, 0.1, 0.1 } }\n\
+         s:camera { position = { 0, 0, 5 }, target = { 0, 0, 0 }, fov = 40 }\n\
+         s:view('aside', { position = { 5, 0, 0 }, target = { 20, 0, 0 }, fov = 40 })\n\
+         return s\n",
+    );
+    let bench = |scene: &str| ["bench", scene, "--only", "--mpaths", "--repeats", "1"].map(str::to_owned);
+    let mut variances = Vec::new();
+    for (scene, label) in
+        [("lit.lua", "lit "), ("lit.lua?lamp=off", "lit off "), ("lit.lua?lamp=off,camera=aside", "lit off aside ")]
+    {
+        let ended = place.succeed(&bench(scene).each_ref().map(String::as_str));
+        assert!(ended.stdout.lines().any(|line| line.starts_with(label)), "{}", ended.stdout);
+        let kept = place.json("out/bench.json");
+        assert_eq!(kept["scenes"][0]["scene"], scene);
+        variances.push(kept["scenes"][0]["integrators"]["bpt"]["variance"].as_f64());
+    }
+    // A tenth of the light, and then nothing but an even sky.
+    let [Some(on), Some(off), even] = variances[..] else { panic!("{variances:?}") };
+    assert!(on > 50.0 * off && off > 0.0 && even.is_none_or(|v| v < 1e-9), "{variances:?}");
+    for (scene, said) in [("lit.lua?lamp=dim", "dim"), ("lit.lua?camera=asid", "aside"), ("lit.lua?lamp", "NAME=VALUE")]
+    {
+        assert!(place.fail(2, &bench(scene).each_ref().map(String::as_str)).contains(said), "{scene}");
+    }
 }
 
 #[test]

@@ -91,26 +91,34 @@ fn nothing_is_begun_where_films_would_show_it() {
     harness::silent();
 }
 
+/// Renders waves with pauses of the host between them, of which the device is told beforehand or not. Seconds of rendering and of
+/// waiting, and of all of it by the host's clock.
+fn with_pauses(device: &Arc<Device>, more: u64, pause: Duration, pauses: u32) -> [f64; 3] {
+    let mut renderer = open(device, &Job { resolution: [20, 14], ..with("bpt", 72) });
+    let start = Instant::now();
+    let mut all = WaveStats::default();
+    for _ in 0..pauses {
+        let wave = renderer.advance_toward(60, more).unwrap();
+        assert!(wave.device_s > 0.0 && wave.device_s <= wave.render_s * 1.001, "{wave:?}");
+        all.add(&wave);
+        std::thread::sleep(pause);
+    }
+    all.add(&renderer.advance(60).unwrap());
+    let whole = start.elapsed().as_secs_f64();
+    println!("{more} more: {:.3} s of rendering and {:.3} s of waiting in {whole:.3} s", all.render_s, all.idle_s);
+    assert!(all.render_s + all.idle_s <= 1.01 * whole, "{all:?} in {whole} s");
+    [all.render_s, all.idle_s, whole]
+}
+
 #[test]
-fn no_second_is_counted_twice_and_waiting_for_the_host_is_not_rendering() {
+fn the_device_works_while_the_host_is_away_and_no_second_is_counted_twice() {
     let Some(device) = harness::exact() else { return };
     let (pause, pauses) = (Duration::from_millis(50), 4);
-    for more in [60, 0] {
-        let mut renderer = open(&device, &Job { resolution: [20, 14], ..with("bpt", 72) });
-        let start = Instant::now();
-        let mut all = WaveStats::default();
-        for _ in 0..pauses {
-            let wave = renderer.advance_toward(60, more).unwrap();
-            assert!(wave.device_s > 0.0 && wave.device_s <= wave.render_s * 1.001, "{wave:?}");
-            all.add(&wave);
-            std::thread::sleep(pause);
-        }
-        all.add(&renderer.advance(60).unwrap());
-        let whole = start.elapsed().as_secs_f64();
-        println!("{more} more: {:.3} s of rendering and {:.3} s of waiting in {whole:.3} s", all.render_s, all.idle_s);
-        assert!(all.render_s + all.idle_s <= 1.01 * whole, "{all:?} in {whole} s");
-        let waited = pause.as_secs_f64() * f64::from(pauses);
-        assert!(more > 0 || all.idle_s >= 0.99 * waited, "the pauses are no rendering: {all:?} in {whole} s");
-    }
+    let away = pause.as_secs_f64() * f64::from(pauses);
+    let [_, waited, _] = with_pauses(&device, 0, pause, pauses);
+    assert!(waited >= 0.99 * away, "the pauses are no rendering: the device waited {waited} s of {away}");
+    // A pause may take longer than the one before it, for which the device was given work, wherever processors are shared.
+    let covered = (0..5).any(|_| with_pauses(&device, 60, pause, pauses)[1] < 0.5 * away);
+    assert!(covered, "the device waited although it knew what comes");
     harness::silent();
 }

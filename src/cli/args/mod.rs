@@ -426,11 +426,24 @@ pub struct VerifyArgs {
     pub json: bool,
 }
 
+/// A scene file with what is set in it, as typed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneArg {
+    /// As it was typed.
+    pub text: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Names and values behind the question mark.
+    pub settings: Vec<(String, Value)>,
+}
+
 /// `lumbre bench`.
 #[derive(Args, Debug)]
 pub struct BenchArgs {
-    /// Scene files to measure besides the built-in scenes
-    pub scenes: Vec<PathBuf>,
+    /// Scenes to measure besides the built-in ones: files, those in Lua with options and a view if wanted, as in
+    /// `atrium.lua?light=lamps,camera=gallery`
+    #[arg(value_name = "SCENE", value_parser = scene_arg)]
+    pub scenes: Vec<SceneArg>,
     /// Measure the given scenes alone: neither the built-in ones nor the program's own overheads
     #[arg(long, requires = "scenes")]
     pub only: bool,
@@ -479,6 +492,17 @@ pub struct BenchArgs {
 fn setting(text: &str) -> Result<(String, Value), String> {
     let (name, said) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
     Ok((name.trim().to_owned(), value(said)?))
+}
+
+/// Reads `file` or `file?name=value,name=value`; a file whose name has a question mark is a file.
+fn scene_arg(text: &str) -> Result<SceneArg, String> {
+    let (file, settings) = match text.rsplit_once('?') {
+        Some((file, rest)) if !PathBuf::from(text).exists() => {
+            (file, split(rest).into_iter().map(setting).collect::<Result<_, _>>()?)
+        }
+        _ => (text, Vec::new()),
+    };
+    Ok(SceneArg { text: text.to_owned(), file: file.into(), settings })
 }
 
 /// Reads `axis=value,value`.
@@ -541,6 +565,22 @@ mod tests {
     #[test]
     fn the_definitions_hold_together() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn scenes_have_options_behind_a_question_mark() {
+        let read = |t: &str| scene_arg(t).unwrap();
+        let plain = read("a/b.scn");
+        assert_eq!((plain.file, plain.settings), ("a/b.scn".into(), vec![]));
+        let asked = read("a/b.lua?light=lamps,size=[2, 3],camera=gallery");
+        assert_eq!(
+            (asked.text.as_str(), asked.file),
+            ("a/b.lua?light=lamps,size=[2, 3],camera=gallery", "a/b.lua".into())
+        );
+        let size = Value::List(vec![Value::Int(2), Value::Int(3)]);
+        let expected = [("light", Value::from("lamps")), ("size", size), ("camera", Value::from("gallery"))];
+        assert_eq!(asked.settings, expected.map(|(name, value)| (name.to_owned(), value)));
+        assert!(scene_arg("b.lua?lamps").unwrap_err().contains("NAME=VALUE"));
     }
 
     #[test]

@@ -1,18 +1,16 @@
 //! What backends cost and how fast they are: `lumbre bench --backend NAME`, once for each backend, in one run.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
 use super::metrics::of_a_night;
-use crate::cli::load;
+use super::subject::Subject;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
 use crate::metrics::gauge::Gauge;
 use crate::render::{Job, backend};
-use crate::scene::load::Missing;
 use crate::scene::{CompiledScene, compile};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 
@@ -25,6 +23,7 @@ const WAVE_S: f64 = 0.5;
 /// One scene, integrator and backend.
 pub struct Row {
     scene: String,
+    label: String,
     integrator: &'static str,
     backend: &'static str,
     device: String,
@@ -59,25 +58,24 @@ struct Host {
 /// # Errors
 /// When a scene cannot be loaded, or a backend is unknown or fails, with a message for people.
 pub fn measure(
-    name: &str,
-    file: &Path,
+    subject: &Subject,
     backends: &[String],
     resolution: [u32; 2],
     repeats: usize,
 ) -> Result<Vec<Row>, String> {
-    let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
+    let desc = subject.load()?;
     let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
     let mut rows = Vec::new();
     for integrator in INTEGRATORS {
         for wanted in backends {
-            rows.push(one(name, &scene, integrator, wanted, resolution, repeats)?);
+            rows.push(one(subject, &scene, integrator, wanted, resolution, repeats)?);
         }
     }
     Ok(rows)
 }
 
 fn one(
-    name: &str,
+    subject: &Subject,
     scene: &Arc<CompiledScene>,
     integrator: &'static IntegratorRow,
     wanted: &str,
@@ -121,7 +119,8 @@ fn one(
     }
     let ([share, _], [ms, alone_ms]) = (shares.map(median), idle.map(median));
     Ok(Row {
-        scene: name.to_owned(),
+        scene: subject.name.clone(),
+        label: subject.label.clone(),
         integrator: integrator.name,
         backend: row.name,
         device,
@@ -174,7 +173,7 @@ pub fn table(rows: &[Row]) -> String {
     for r in rows {
         let of_host = |text: fn(&Host) -> String| r.host.as_ref().map_or_else(|| "-".to_owned(), text);
         lines.push(vec![
-            r.scene.clone(),
+            r.label.clone(),
             r.integrator.to_owned(),
             r.backend.to_owned(),
             format!("{:.3}", r.mpaths_per_s),

@@ -1,18 +1,16 @@
 //! What it costs to bring a picture from a worker process here, after every wave.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use crate::cli::load;
+use super::subject::Subject;
 use crate::experiment::processor;
 use crate::math::stats::median;
 use crate::render::worker::{Launcher, Pool};
 use crate::render::{Job, Renderer, backend};
 use crate::scene::compile;
-use crate::scene::load::Missing;
 use crate::transport::integrator::INTEGRATORS;
 
 /// The size of the pictures.
@@ -31,8 +29,8 @@ impl HandOver {
     ///
     /// # Errors
     /// When there is no such scene or no worker, with a message for people.
-    pub fn measure(file: &Path, repeats: usize) -> Result<HandOver, String> {
-        let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
+    pub fn measure(subject: &Subject, repeats: usize) -> Result<HandOver, String> {
+        let desc = subject.load()?;
         let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
         let program = std::env::current_exe().map_err(|e| e.to_string())?;
         let launcher = Launcher::new(program, ["worker"]);

@@ -13,10 +13,10 @@ mod night;
 mod rates;
 mod ratios;
 mod scale;
+mod subject;
 mod time;
 mod turns;
 
-use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
 
@@ -27,7 +27,10 @@ use crate::cli::builtin::{BuiltIn, short};
 use crate::cli::doctor;
 use crate::math::stats::median;
 use crate::render::cpu::lanes::Isa;
+use crate::scene::load::Missing;
 use crate::store::Host;
+
+use subject::Subject;
 
 /// Starts of the program whose median is reported.
 const STARTS: usize = 11;
@@ -54,12 +57,14 @@ impl Report {
 ///
 /// # Errors
 /// When a given scene cannot be loaded or rendered, with a message for people.
-pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> Result<Report, String> {
+pub fn measure(
+    args: &BenchArgs,
+    threads: usize,
+    missing: Missing,
+    say: &mut dyn FnMut(&str),
+) -> Result<Report, String> {
     let repeats = args.repeats as usize;
-    for file in &args.scenes {
-        // Nobody wants to hear of a mistyped name after the other scenes.
-        file.metadata().map_err(|e| format!("cannot read {}: {e}", file.display()))?;
-    }
+    let asked = args.scenes.iter().map(|arg| Subject::asked(arg, missing)).collect::<Result<Vec<_>, _>>()?;
     if args.loading {
         say("loading a mesh of a million triangles");
         let found = loading::Loading::measure(repeats)?;
@@ -79,12 +84,12 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
             json: json!({ "ratios": found.to_json() }),
         });
     }
-    let mut scenes: Vec<(String, PathBuf)> = Vec::new();
+    let mut scenes: Vec<Subject> = Vec::new();
     if !args.only {
-        scenes.extend(built_in.scenes().into_iter().map(|file| (short(&file), file)));
+        scenes.extend(built_in.scenes().into_iter().map(|file| Subject::plain(short(&file), file)));
     }
-    scenes.extend(args.scenes.iter().map(|file| (file.display().to_string(), file.clone())));
-    if let (true, Some((_, first))) = (args.time, scenes.first()) {
+    scenes.extend(asked);
+    if let (true, Some(first)) = (args.time, scenes.first()) {
         say("measuring what time costs");
         let costs = time::measure(first, if args.backend.is_empty() { &cpu } else { &args.backend }, repeats)?;
         return Ok(Report { text: time::table(&costs), json: json!({ "time": time::to_json(&costs) }) });
@@ -93,9 +98,9 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         return compare_backends(args, &scenes, say);
     }
     let mut rows = Vec::new();
-    for (name, file) in scenes.iter().filter(|_| !args.overheads) {
-        say(&format!("measuring {name}"));
-        rows.push(rates::measure(name, file, threads, repeats, [!args.mpaths, !args.traversal])?);
+    for subject in scenes.iter().filter(|_| !args.overheads) {
+        say(&format!("measuring {}", subject.name));
+        rows.push(rates::measure(subject, threads, repeats, [!args.mpaths, !args.traversal])?);
     }
     let isa = Isa::detect().name();
     let (host, features) = (Host::here(), doctor::cpu_features());
@@ -112,12 +117,12 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         "scenes": rows.iter().map(rates::Row::to_json).collect::<Vec<_>>(),
     });
     let alone = args.only || args.traversal || args.mpaths;
-    if let (false, Some((_, first))) = (alone, scenes.first()) {
+    if let (false, Some(first)) = (alone, scenes.first()) {
         say("measuring the program's own overheads");
         let (plan, plan_s) = night::plan_10_000_cells()?;
         let start_up_s = start_up_s();
-        let outside = night::share_outside_advance(first, threads)?;
-        let checkpoint_s = checkpoint::checkpoint_s(first, threads, repeats)?;
+        let outside = night::share_outside_advance(&first.file, threads)?;
+        let checkpoint_s = checkpoint::checkpoint_s(&first.file, threads, repeats)?;
         text += &format!("\nstart-up (--version)                 {:>9.1} ms\n", start_up_s * 1e3);
         text += &format!("plan of 10,000 cells                 {plan_s:>9.3} s\n");
         text += &format!("time outside `advance`, 4 s cell     {:>9.2} %\n", outside * 100.0);
@@ -173,16 +178,12 @@ fn processor_line() -> String {
 }
 
 /// Measures backends side by side instead.
-fn compare_backends(
-    args: &BenchArgs,
-    scenes: &[(String, PathBuf)],
-    say: &mut dyn FnMut(&str),
-) -> Result<Report, String> {
+fn compare_backends(args: &BenchArgs, scenes: &[Subject], say: &mut dyn FnMut(&str)) -> Result<Report, String> {
     let mut rows = Vec::new();
-    for (name, file) in scenes {
-        say(&format!("measuring {name}"));
+    for subject in scenes {
+        say(&format!("measuring {}", subject.name));
         let resolution = [args.width, args.height];
-        rows.extend(backends::measure(name, file, &args.backend, resolution, args.repeats as usize)?);
+        rows.extend(backends::measure(subject, &args.backend, resolution, args.repeats as usize)?);
     }
     let mut text = backends::table(&rows);
     let mut json = json!({
@@ -190,9 +191,9 @@ fn compare_backends(
         "repeats": args.repeats,
         "backends": rows.iter().map(backends::Row::to_json).collect::<Vec<_>>(),
     });
-    if let Some((_, file)) = scenes.first() {
+    if let Some(first) = scenes.first() {
         say("measuring what it costs to bring a picture from a worker");
-        let found = handover::HandOver::measure(file, args.repeats as usize)?;
+        let found = handover::HandOver::measure(first, args.repeats as usize)?;
         text += &format!("\n{}", found.lines());
         json["hand_over"] = found.to_json();
     }

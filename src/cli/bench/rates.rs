@@ -1,22 +1,20 @@
 //! The rates of one scene, and the tables of all.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
 use super::efficiency::{self, Measured, RELATIVE_RMSE};
-use crate::cli::builtin::short;
-use crate::cli::load;
+use super::subject::Subject;
 use crate::cli::text::{aligned, duration};
 use crate::render::cpu::rates::{self, RayRates};
 use crate::scene::compile;
-use crate::scene::load::Missing;
 use crate::transport::integrator::INTEGRATORS;
 
 /// The rates of one scene.
 pub struct Row {
     scene: String,
+    label: String,
     primitives: usize,
     resolution: [u32; 2],
     max_depth: u32,
@@ -31,13 +29,12 @@ pub struct Row {
 /// # Errors
 /// When it cannot be loaded or rendered, with a message for people.
 pub fn measure(
-    name: &str,
-    file: &Path,
+    subject: &Subject,
     threads: usize,
     repeats: usize,
     [rays, integrators]: [bool; 2],
 ) -> Result<Row, String> {
-    let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
+    let desc = subject.load()?;
     let (compiled, _) = compile(&desc).map_err(|e| e.to_string())?;
     let scene = Arc::new(compiled);
     let resolution = scene.resolution;
@@ -45,7 +42,8 @@ pub fn measure(
     let asked = INTEGRATORS.iter().filter(|_| integrators);
     let integrators = asked.map(|row| efficiency::measure(&scene, row, threads, repeats)).collect::<Result<_, _>>()?;
     Ok(Row {
-        scene: name.to_owned(),
+        scene: subject.name.clone(),
+        label: subject.label.clone(),
         primitives: scene.primitive_count(),
         resolution: scene.resolution,
         max_depth: scene.max_depth,
@@ -72,10 +70,6 @@ impl Row {
             "integrators": integrators,
         })
     }
-
-    fn name(&self) -> String {
-        short(Path::new(&self.scene))
-    }
 }
 
 fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
@@ -90,7 +84,7 @@ pub fn table(rows: &[Row]) -> String {
     for (row, measured) in rows.iter().filter_map(|row| Some((row, row.rays.as_ref()?))) {
         let rate = |x: Option<f64>| or_dash(x.map(|x| format!("{x:.2}")));
         rays.push(vec![
-            row.name(),
+            row.label.clone(),
             row.primitives.to_string(),
             format!("{:.2}", measured.build_s * 1e3),
             measured.nodes.to_string(),
@@ -106,7 +100,7 @@ pub fn table(rows: &[Row]) -> String {
     for row in rows {
         for m in &row.integrators {
             paths.push(vec![
-                row.name(),
+                row.label.clone(),
                 format!("{}x{}", row.resolution[0], row.resolution[1]),
                 row.max_depth.to_string(),
                 m.name.to_owned(),

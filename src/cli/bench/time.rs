@@ -4,18 +4,17 @@
 //! the device, and ratios are of one turn. What the first turn takes longer than the others, memory that is touched for the first time above
 //! all, is told apart.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use super::subject::Subject;
 use super::turns::in_turns;
-use crate::cli::load;
 use crate::film::time::TimeAxis;
 use crate::math::stats::median;
 use crate::render::{Job, Renderer, backend};
+use crate::scene::compile;
 use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
-use crate::scene::{compile, load::Missing};
 use crate::transport::flight::Timing;
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 
@@ -55,8 +54,8 @@ const KINDS: [Kind; 4] = [
 ///
 /// # Errors
 /// When it cannot be loaded or rendered, with a message for people.
-pub fn measure(file: &Path, backends: &[String], repeats: usize) -> Result<Vec<Cost>, String> {
-    let (desc, _) = load::scene(file, Missing::Refused).map_err(|e| e.to_string())?;
+pub fn measure(subject: &Subject, backends: &[String], repeats: usize) -> Result<Vec<Cost>, String> {
+    let desc = subject.load()?;
     let all = INTEGRATORS.iter().flat_map(|row| backends.iter().map(move |backend| (row, backend)));
     all.map(|(row, backend)| cost(&desc, row, backend, repeats)).collect()
 }

@@ -214,7 +214,21 @@ impl Readback {
             unsafe { device.raw.cmd_copy_buffer(commands, source.raw, self.buffer.raw, &region) };
             at += size;
         }
-        device.barrier(
+        self.barrier_to_host(commands);
+    }
+
+    /// Records that the first two readings of a pool of clocks are copied here, as two words of 64 bits.
+    pub fn record_ticks(&self, commands: vk::CommandBuffer, pool: vk::QueryPool) {
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: the commands are being recorded, and there is room for sixteen bytes in every buffer of this kind.
+        unsafe {
+            self.buffer.device.raw.cmd_copy_query_pool_results(commands, pool, 0, 2, self.buffer.raw, 0, 8, flags)
+        };
+        self.barrier_to_host(commands);
+    }
+
+    fn barrier_to_host(&self, commands: vk::CommandBuffer) {
+        self.buffer.device.barrier(
             commands,
             (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE),
             (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ),

@@ -11,14 +11,13 @@ const START: f64 = 16_384.0;
 /// By how much a dispatch may grow over the one before.
 const GROWTH: f64 = 8.0;
 
-/// The most samples of a pixel in one dispatch, whose counters have 32 bits.
+/// The most samples of a pixel in one dispatch, which counts a pixel's rays and the film's refused samples in 32 bits.
 const MOST_SAMPLES: u64 = 1 << 16;
 
 /// Dispatches of one submission.
 pub const TOGETHER: usize = 4;
 
-/// Dispatches of a wave that nobody has asked for yet, at most; no more than the host needs between waves, and so few that
-/// their rays can be counted in 32 bits at 6 Grays/s.
+/// Dispatches of a wave that nobody has asked for yet, at most: no more than the host needs between waves.
 pub const AHEAD: usize = 8;
 
 /// A part of a wave: so many samples of every pixel of some rows.

@@ -268,7 +268,7 @@ impl VulkanRenderer {
             self.pace.record(work / parts.len() as f64, seconds / parts.len() as f64);
         }
         let counted = self.films.counted(place);
-        stats.rays += u64::from(counted.rays);
+        stats.rays += u64::from(counted.rays[1]) << 32 | u64::from(counted.rays[0]);
         stats.invalid += u64::from(counted.invalid);
         let before = self.last.map_or(0.0, |last| span.since(&last));
         *if waited { &mut stats.idle_s } else { &mut stats.render_s } += before;

@@ -31,10 +31,10 @@ super::gpu_structs! {
         first: [u32; 2],
     }
 
-    /// What one dispatch counts.
+    /// What the dispatches of one submission count.
     pub struct Counters {
-        /// Rays, modulo 2^32.
-        rays: u32,
+        /// Low and high word of the number of rays.
+        rays: [u32; 2],
         /// Samples and splats that were refused.
         invalid: u32,
     }
