@@ -31,6 +31,11 @@ impl Standing {
         self.rows.last().map_or(0.0, |row| row.render_s) + self.part.render_s
     }
 
+    /// Samples of every pixel in a second of rendering; not a number before the first.
+    pub fn rate(&self) -> f64 {
+        self.samples() as f64 / self.render_s()
+    }
+
     /// Whether all that was rendered is measured, and no wave is in progress.
     pub fn between_waves(&self) -> bool {
         self.left == 0 && self.part.samples == 0

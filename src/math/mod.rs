@@ -5,7 +5,7 @@ pub mod distribution;
 pub mod elementary;
 pub mod frame;
 #[cfg(target_arch = "x86_64")]
-pub mod lanes;
+pub(crate) mod lanes;
 pub mod piecewise;
 pub mod real;
 pub mod rng;

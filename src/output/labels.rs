@@ -36,6 +36,11 @@ pub fn metric_title(spec: &MetricSpec) -> String {
     format!("{} ({}{also})", spec.row.label, spec.row.long_name)
 }
 
+/// `time (s)`: a name with the unit in which its values stand, if there is one.
+pub fn with_unit(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
+}
+
 /// A number with `digits` significant digits, without an exponent where that stays short. Not-a-number is `NaN`.
 pub fn significant(x: f64, digits: usize) -> String {
     if !x.is_finite() || x == 0.0 {

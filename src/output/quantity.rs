@@ -47,7 +47,7 @@ pub fn plain(value: &TableValue, last: &WaveRow, open: &OpenStats) -> Option<f64
         TableValue::Fps => Some(last.fps()),
         TableValue::MraysPerS => (last.render_s > 0.0).then(|| last.rays as f64 / last.render_s / 1e6),
         TableValue::AccelBuildS => known(open.accel_build_s),
-        TableValue::AccelNodes => Some(open.accel_nodes as f64),
+        TableValue::AccelNodes => known(open.accel_nodes as f64),
         TableValue::AccelMib => known(open.accel_bytes as f64 / f64::from(1 << 20)),
         TableValue::AccelCost => known(open.accel_cost),
         TableValue::Metric(_) | TableValue::TimeTo { .. } => None,
@@ -59,7 +59,7 @@ pub fn label(plan: &Plan, value: &TableValue) -> String {
     match value {
         TableValue::Metric(column) => {
             let metric = labels::column(plan, column).map(|(_, m)| m);
-            metric.map_or(column.clone(), |m| with_unit(m.row.label, &m.unit()))
+            metric.map_or(column.clone(), |m| labels::with_unit(m.row.label, &m.unit()))
         }
         TableValue::TimeTo { .. } => "time to reach it (s)".to_owned(),
         plain => words(plain).0.to_owned(),
@@ -113,8 +113,4 @@ pub fn words(value: &TableValue) -> (&'static str, &'static str) {
         }
         TableValue::Metric(_) | TableValue::TimeTo { .. } => ("", ""),
     }
-}
-
-fn with_unit(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
 }

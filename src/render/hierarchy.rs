@@ -23,6 +23,8 @@ pub struct AccelSpec {
     pub quality: Quality,
     /// What becomes of meshes that several entities have.
     pub instances: Sharing,
+    /// Whether the CPU may shade many paths at once, to the same bits, where it can: for some techniques and not for others.
+    pub lanes: bool,
 }
 
 impl Default for AccelSpec {
@@ -34,6 +36,7 @@ impl Default for AccelSpec {
             max_leaf: 8,
             quality: Quality::Medium,
             instances: Sharing::Auto,
+            lanes: false,
         }
     }
 }
@@ -138,8 +141,8 @@ pub const ACCEL: Table = Table {
             ty: Ty::Int { min: 1, max: 255 },
             required: false,
             default: "8",
-            doc: "most primitives of a leaf that is not divided further; the CPU tests eight at once in any case (cwbvh, \
-                  and ploc by vulkan-compute: at most three)",
+            doc: "most primitives of a leaf that is not divided further, and that ploc joins where it costs less; the CPU \
+                  tests eight at once in any case (cwbvh, and ploc by vulkan-compute: at most three)",
         },
         Field {
             key: "quality",
@@ -155,6 +158,14 @@ pub const ACCEL: Table = Table {
             default: "auto",
             doc: "whether meshes with several places are kept once and have hierarchies of their own; auto is in scenes of \
                   more than 2^20 triangles, since below rays are faster without",
+        },
+        Field {
+            key: "lanes",
+            ty: Ty::Bool,
+            required: false,
+            default: "false",
+            doc: "cpu: shade eight paths at once in the lanes of vectors, to the same bits, where that is built (bpt and nee, so \
+                  far); not unless asked for, since times then compare how techniques are programmed. References always do",
         },
     ],
 };
@@ -175,6 +186,7 @@ impl AccelSpec {
             max_leaf: whole("max_leaf").unwrap_or(plain.max_leaf),
             quality: place("quality", Quality::WORDS).map_or(plain.quality, |i| Quality::ALL[i]),
             instances: place("instances", SHARING_WORDS).map_or(plain.instances, |i| SHARINGS[i]),
+            lanes: matches!(map.get("lanes"), Some(Value::Bool(true))),
         }
     }
 
@@ -192,6 +204,7 @@ impl AccelSpec {
             ("max_leaf", self.builder != Builder::None && self.max_leaf != plain.max_leaf, whole(self.max_leaf)),
             ("quality", obvhs && self.quality != plain.quality, self.quality.word().into()),
             ("instances", self.instances != plain.instances, self.sharing_word().into()),
+            ("lanes", self.lanes, Value::Bool(true)),
         ];
         fields.into_iter().filter(|(_, counts, _)| *counts).map(|(key, _, value)| (key.to_owned(), value)).collect()
     }

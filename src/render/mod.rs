@@ -93,12 +93,12 @@ pub struct WaveStats {
     /// Samples added to every pixel.
     pub samples: u64,
     /// Seconds that rendering took, monotonic; the only time that counts: the time inside `advance`, or on a device, by its own
-    /// clock, from the beginning of its work on this wave until the sums are in the host's memory.
+    /// clock, from the beginning of its work on this wave to the end of its samples. What copying the sums takes is not in it.
     pub render_s: f64,
     /// Seconds that a device besides the processor worked, by its own clock; 0 without one.
     pub device_s: f64,
     /// Seconds by its clock from the end of its work for this run before this wave to the beginning of this wave's: it waited for
-    /// the host, or worked for others. 0 without such a device, and for its first wave.
+    /// the host, copied what the wave before had left, or worked for others. 0 without such a device, and for its first wave.
     pub idle_s: f64,
     /// Camera paths traced.
     pub paths: u64,

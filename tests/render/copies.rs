@@ -279,6 +279,22 @@ fn pictures_are_those_of_the_unfolded_scene_sample_by_sample() {
 }
 
 #[test]
+fn builders_that_know_no_copies_make_the_picture_of_the_unfolded_scene() {
+    let scene = shared(&mixed(51, 12));
+    let flat = unfolded(&scene);
+    assert!(!scene.instances.places.is_empty() && flat.instances.places.is_empty());
+    for builder in [Builder::None, Builder::Cwbvh] {
+        let job = |scene: &CompiledScene| Job {
+            accel: AccelSpec { builder, ..AccelSpec::default() },
+            ..with("nee", scene, 3)
+        };
+        let (a, b) = (render(&scene, job(&scene), 2), render(&flat, job(&flat), 2));
+        assert!(a.sum.iter().flatten().sum::<f64>() > 0.0);
+        assert_eq!(a.sum, b.sum, "{builder:?}");
+    }
+}
+
+#[test]
 fn lights_of_copies_have_their_area_in_the_world() {
     let scene = shared(&mixed(70, 40));
     let (apart, _) = compile_sharing(&mixed(70, 40), Sharing::Never).unwrap();

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::film::layer::Layer;
 use lumbre::render::cpu::lanes::Isa;
+use lumbre::render::hierarchy::AccelSpec;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{Material, Model, Texture};
@@ -59,7 +60,8 @@ fn room(material: Material) -> SceneBuilder {
 }
 
 fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
-    Job { threads: 1, ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5) }
+    let accel = AccelSpec { lanes: true, ..AccelSpec::default() };
+    Job { threads: 1, accel, ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5) }
 }
 
 /// The same for paths that are joined to nothing.
@@ -67,7 +69,7 @@ fn unjoined(job: Job) -> Job {
     Job { integrator: integrator("bpt").unwrap(), ..job }
 }
 
-/// Renders in lanes and alone, which the wish for a layer makes of it, and compares all bits and the rays.
+/// Renders in lanes, as the job asks, and alone, and compares all bits and the rays.
 fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
     // The lamps stand behind the camera.
     let dark = job.max_depth == 1;
@@ -79,7 +81,7 @@ fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
         let film = renderer.film();
         (bits(&film.sum), bits(&film.sum2), stats.rays, stats.invalid, stats.first_invalid)
     };
-    let alone = run(Job { layers: vec![Layer::Depth], ..job.clone() }, false);
+    let alone = run(Job { accel: AccelSpec::default(), ..job.clone() }, false);
     let lanes = run(job, true);
     let differ = alone.0.iter().zip(&lanes.0).filter(|(a, b)| a != b).count();
     assert_eq!(differ, 0, "{name}: so many pixels of {} differ", alone.0.len());
@@ -190,5 +192,8 @@ fn what_lanes_do_not_know_goes_alone() {
     let ideal = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 60.0).room(2.0, grey(0.5)).build();
     assert!(!renderer(&ideal, job.clone()));
     let soft = room(Material { shadow_terminator: true, ..DISNEY }).build();
-    assert!(!renderer(&soft, job));
+    assert!(!renderer(&soft, job.clone()));
+    assert!(!renderer(&scene, Job { layers: vec![Layer::Depth], ..job.clone() }));
+    assert!(!renderer(&scene, Job { accel: AccelSpec::default(), ..job.clone() }), "nobody asked for it");
+    assert_eq!(renderer(&scene, job), Isa::detect() == Isa::Avx2);
 }

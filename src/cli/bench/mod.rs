@@ -14,6 +14,7 @@ mod rates;
 mod ratios;
 mod scale;
 mod time;
+mod turns;
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -73,9 +74,10 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
         };
         let (masked, plain) = (named("masked_leaves.scn")?, named("cornell_spheres.scn")?);
         let found = ratios::Ratios::measure(&masked, &plain, repeats, say)?;
-        let host = Host::here();
-        let head = format!("processor: {}, {} cores, with {}", host.cpu, host.cores, doctor::cpu_features().join(" "));
-        return Ok(Report { text: format!("{head}\n\n{}", found.table()), json: json!({ "ratios": found.to_json() }) });
+        return Ok(Report {
+            text: format!("{}\n\n{}", processor_line(), found.table()),
+            json: json!({ "ratios": found.to_json() }),
+        });
     }
     let mut scenes: Vec<(String, PathBuf)> = Vec::new();
     if !args.only {
@@ -97,13 +99,7 @@ pub fn measure(args: &BenchArgs, threads: usize, say: &mut dyn FnMut(&str)) -> R
     }
     let isa = Isa::detect().name();
     let (host, features) = (Host::here(), doctor::cpu_features());
-    let mut text = format!(
-        "processor: {}, {} cores, with {}\ninstructions of rays: {isa}\n\n{}",
-        host.cpu,
-        host.cores,
-        features.join(" "),
-        rates::table(&rows)
-    );
+    let mut text = format!("{}\ninstructions of rays: {isa}\n\n{}", processor_line(), rates::table(&rows));
     let mut json = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "threads": if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads },
@@ -168,6 +164,12 @@ pub fn cluster(out: &std::path::Path, say: &mut dyn FnMut(&str)) -> Result<Repor
     let found = cluster::Cluster::measure(out)?;
     let json = json!({ "version": env!("CARGO_PKG_VERSION"), "cluster": found.to_json() });
     Ok(Report { text: found.table(), json })
+}
+
+/// The processor and what it can do, for people.
+fn processor_line() -> String {
+    let host = Host::here();
+    format!("processor: {}, {} cores, with {}", host.cpu, host.cores, doctor::cpu_features().join(" "))
 }
 
 /// Measures backends side by side instead.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use super::turns::in_turns;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
 use crate::render::{Job, Renderer, WaveStats, backend};
@@ -165,8 +166,8 @@ impl Ratio {
         let [thing, other] = scenes;
         let mut both = [open(thing, row, 1)?, open(other, row, 1)?];
         let count = |wave: &WaveStats| if each == "ray" { wave.rays } else { wave.paths };
-        let turns = in_turns(&mut both, turns, |wave| wave.render_s * 1e9 / count(wave).max(1) as f64)?;
-        let ratio = median(turns.iter().map(|[a, b]| a / b));
+        let turns = in_turns(&mut both, turns, SAMPLES, |wave| wave.render_s * 1e9 / count(wave).max(1) as f64)?;
+        let ratio = median(turns.iter().map(|turn| turn[0] / turn[1]));
         let ns = [0, 1].map(|i| median(turns.iter().map(|turn| turn[i])));
         Ok(Ratio { what, beside, integrator: row.name, each, ns, ratio, aim: format!("<= {MOST}") })
     }
@@ -175,8 +176,8 @@ impl Ratio {
 /// How much faster two threads are than one.
 fn threads(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, turns: usize) -> Result<Ratio, String> {
     let mut both = [open(scene, row, 1)?, open(scene, row, 2)?];
-    let turns = in_turns(&mut both, turns, |wave| wave.render_s * 1e9 / wave.paths.max(1) as f64)?;
-    let ratio = median(turns.iter().map(|[one, two]| one / two));
+    let turns = in_turns(&mut both, turns, SAMPLES, |wave| wave.render_s * 1e9 / wave.paths.max(1) as f64)?;
+    let ratio = median(turns.iter().map(|turn| turn[0] / turn[1]));
     let ns = [0, 1].map(|i| median(turns.iter().map(|turn| turn[i])));
     let (what, beside) = ("one thread", "two threads");
     Ok(Ratio { what, beside, integrator: row.name, each: "path", ns, ratio, aim: format!(">= {GAIN}") })
@@ -193,23 +194,6 @@ fn open(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, threads: usize)
     let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;
     Ok(renderer)
-}
-
-/// What two runs take, turn by turn.
-fn in_turns(
-    both: &mut [Box<dyn Renderer>; 2],
-    turns: usize,
-    mut cost: impl FnMut(&WaveStats) -> f64,
-) -> Result<Vec<[f64; 2]>, String> {
-    let mut found = Vec::new();
-    for _ in 0..turns {
-        let mut turn = [0.0; 2];
-        for (renderer, cost_of) in both.iter_mut().zip(&mut turn) {
-            *cost_of = cost(&renderer.advance(SAMPLES).map_err(|e| e.to_string())?);
-        }
-        found.push(turn);
-    }
-    Ok(found)
 }
 
 #[cfg(test)]
@@ -245,9 +229,9 @@ mod tests {
         let nee = INTEGRATORS.iter().find(|row| row.name == "nee").unwrap();
         let mut both = [open(&small, nee, 1).unwrap(), open(&shallow(&small), nee, 1).unwrap()];
         // What they trace stands in for what they take, which nobody can promise.
-        let turns = in_turns(&mut both, 3, |wave| wave.rays as f64 / wave.paths as f64).unwrap();
+        let turns = in_turns(&mut both, 3, SAMPLES, |wave| wave.rays as f64 / wave.paths as f64).unwrap();
         assert_eq!(turns.len(), 3);
-        assert!(turns.iter().all(|[deep, one]| *one == 1.0 && *deep > 2.0), "{turns:?}");
+        assert!(turns.iter().all(|turn| turn[1] == 1.0 && turn[0] > 2.0), "{turns:?}");
         let ratio = Ratio::of(["twelve edges", "one"], nee, "path", &[Arc::clone(&small), shallow(&small)], 3).unwrap();
         assert!(ratio.ns.iter().all(|ns| *ns > 0.0) && ratio.ratio > 0.0, "{:?}", ratio.ns);
         let table = Ratios { rows: vec![ratio, threads(&small, nee, 1).unwrap()] };

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use super::turns::in_turns;
 use crate::cli::load;
 use crate::film::time::TimeAxis;
 use crate::math::stats::median;
@@ -30,9 +31,9 @@ pub struct Cost {
     backend: String,
     integrator: &'static str,
     /// In the first turn.
-    first: [f64; KINDS.len()],
+    first: Vec<f64>,
     /// In each of the others.
-    turns: Vec<[f64; KINDS.len()]>,
+    turns: Vec<Vec<f64>>,
 }
 
 /// A kind of film and scene, and what it is compared with.
@@ -67,14 +68,7 @@ fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, backend: &str, rep
         (kind.change)(&mut changed);
         renderers.push(open(&changed, integrator, backend, kind.film)?);
     }
-    let mut turns = Vec::new();
-    for _ in 0..=repeats {
-        let mut turn = [0.0; KINDS.len()];
-        for (seconds, renderer) in turn.iter_mut().zip(&mut renderers) {
-            *seconds = renderer.advance(SAMPLES).map_err(|e| e.to_string())?.render_s;
-        }
-        turns.push(turn);
-    }
+    let mut turns = in_turns(&mut renderers, repeats + 1, SAMPLES, |wave| wave.render_s)?;
     let first = turns.remove(0);
     Ok(Cost { backend: backend.to_owned(), integrator: integrator.name, first, turns })
 }

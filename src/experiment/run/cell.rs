@@ -8,7 +8,7 @@ use std::time::Instant;
 use super::checkpoint::Kept;
 use super::night::Night;
 use super::tries::{Broken, Try};
-use super::waves::{Waves, slice};
+use super::waves::{Waves, beforehand, slice};
 use crate::experiment::event::{CellRef, Event, FinishedRun, Level, Outcome, WaveRow};
 use crate::experiment::floors::Floors;
 use crate::experiment::memory;
@@ -23,6 +23,7 @@ use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
 use crate::render::cpu::kept_bytes;
 use crate::render::halves::Halves;
+use crate::render::hierarchy::AccelSpec;
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
 use crate::scene::{CompiledScene, SceneDesc};
@@ -332,6 +333,7 @@ impl<'a> Night<'a, '_> {
             // A device that went on with this run would work through another's turn.
             let waves = run.waves.as_ref().filter(|_| alone);
             let more = waves.map_or(0, |waves| waves.expected(&progress.standing, samples, &run.work.stop));
+            let more = more.min(beforehand(&progress.standing, slice_s));
             let stats = advance_toward(&mut progress.renderer, samples, more)?;
             let first = stats.invalid > 0
                 && progress.standing.part.invalid == 0
@@ -492,7 +494,11 @@ impl<'a> Night<'a, '_> {
             layers: config.films.clone(),
             timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
-            accel: config.accel,
+            // The time of references is nobody's.
+            accel: AccelSpec {
+                lanes: config.accel.lanes || matches!(work.cell, CellRef::Reference(_)),
+                ..config.accel
+            },
             seed: 0,
             first_sample: work.part.map_or(0, |part| part.first / 2),
             threads: self.options.threads,

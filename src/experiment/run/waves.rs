@@ -60,7 +60,7 @@ impl Waves {
             return 0;
         }
         // Not a number where nothing is known yet, which makes no sample.
-        let rate = standing.samples() as f64 / standing.render_s();
+        let rate = standing.rate();
         let seconds = stop.time_limit_s().map_or(f64::INFINITY, |limit_s| limit_s - standing.render_s());
         let by_limit = (seconds * rate - samples as f64) as u64;
         self.size.min(((self.every_s * rate) as u64).max(1)).min(by_limit).min(self.mark(after, stop) - after)
@@ -73,9 +73,16 @@ impl Waves {
     }
 }
 
+/// The most samples that may be begun before a call asks for them: three quarters of one of `slice_s`, since rates vary and
+/// what the call does not ask for is thrown away.
+pub(super) fn beforehand(standing: &Standing, slice_s: f64) -> u64 {
+    // Not a number where nothing is known yet, which makes no sample.
+    (0.75 * slice_s * standing.rate()) as u64
+}
+
 /// Samples of the next call of the renderer: the wave in progress, or as many of it as take about `slice_s`.
 pub(super) fn slice(standing: &Standing, slice_s: f64) -> u64 {
-    let rate = standing.samples() as f64 / standing.render_s();
+    let rate = standing.rate();
     if rate.is_finite() { standing.left.min(((slice_s * rate) as u64).max(1)) } else { standing.left }
 }
 

@@ -58,7 +58,8 @@ pub struct Axis {
     pub ticks: Vec<(f64, Label)>,
     /// Values of the lines of the fine grid, without the labelled ones.
     pub minor: Vec<f64>,
-    named: bool,
+    /// Whether the ticks are names, side by side.
+    pub named: bool,
 }
 
 /// Free space beyond the outermost values, as a share of the range.

@@ -282,8 +282,7 @@ impl Gathered<'_> {
 
 /// The panel of a metric's column.
 fn panel(column: &str, metric: &MetricSpec, curves: Vec<Curve>) -> Panel {
-    let (shown, row, unit) = (Shown::of(metric), metric.row, metric.unit());
-    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    let (shown, row) = (Shown::of(metric), metric.row);
     let named = (column != row.name).then(|| format!("column {column}"));
     let details = named.into_iter().chain([metric.describe_options()]).filter(|d| !d.is_empty());
     let (heading, label) = match shown.complement() {
@@ -297,7 +296,7 @@ fn panel(column: &str, metric: &MetricSpec, curves: Vec<Curve>) -> Panel {
         column: column.to_owned(),
         heading,
         details: details.collect::<Vec<_>>().join(", "),
-        y_label: format!("{label}{unit}"),
+        y_label: labels::with_unit(&label, &metric.unit()),
         scale: shown.scale,
         curves,
     }

@@ -52,7 +52,7 @@ pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure,
                 csv += &row(night, (over, &values[mark.place]), value, &line.rest, mark);
             }
             let shared = lines.iter().filter(|other| other.look == line.look).count() > 1;
-            let kind = BandKind::of(marks.iter().map(|mark| mark.runs).max().unwrap_or(0));
+            let kind = BandKind::of(marks.iter().map(|mark| mark.runs).min().unwrap_or(0));
             let mut marks: Vec<(f64, Mark)> = marks.into_iter().map(|mark| (at(mark.place), mark)).collect();
             marks.sort_by(|a, b| a.0.total_cmp(&b.0));
             let ends = marks.iter().map(|(_, mark)| mark.spread.ends);
@@ -83,6 +83,11 @@ pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure,
     }
     let repeats = lines.iter().flat_map(|line| line.places.iter().map(|(_, cells)| (line.look, cells.clone())));
     let subtitle = match subtitle(&repeats.collect::<Vec<_>>()) {
+        text if text.starts_with("mean")
+            && panels.iter().flat_map(|p| &p.curves).any(|c| c.kind == BandKind::Single) =>
+        {
+            text + "; none where a line has a single run at some place"
+        }
         text if text.starts_with("mean") => text,
         // One run at each point is no line of its own.
         _ => String::new(),

@@ -91,8 +91,7 @@ pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<Item> {
             suffix += &format!("-{}", number + 1);
         }
         let shown = Shown::of(spec);
-        let unit = spec.unit();
-        let y_label = if unit.is_empty() { shown.label(spec) } else { format!("{} ({unit})", shown.label(spec)) };
+        let y_label = labels::with_unit(&shown.label(spec), &spec.unit());
         let x_label = device.map_or_else(|| x_label(study, x), |device| format!("render time (s) on {device}"));
         let title = format!("{} against {}", shown.label(spec), if word == "time" { "render time" } else { "samples" });
         let mut caption = caption(study, spec, &panels, x);
@@ -319,7 +318,7 @@ fn draw_panel(
 pub(super) fn labelled(axis: &Axis, x: &impl Fn(f64) -> f64) -> Vec<bool> {
     let power = |i: usize| {
         let exponent = axis.ticks[i].0.log10();
-        (exponent - exponent.round()).abs() < 1e-9
+        !axis.named && (exponent - exponent.round()).abs() < 1e-9
     };
     let count = axis.ticks.len();
     let apart = |keep: &dyn Fn(usize) -> bool| {

@@ -79,9 +79,7 @@ fn map(study: &Study, metric: usize, [across, down]: &[String; 2]) -> Option<Ite
     let width = ((FULL - left - 52.0) / columns.len() as f64).clamp(18.0, CELL.0 * 1.5);
     let top = 34.0;
     let mut drawing = Drawing::default();
-    let unit = spec.unit();
-    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-    drawing.text((left, 8.0), NAME, Anchor::Start, &format!("{}{unit}", shown.label(spec)));
+    drawing.text((left, 8.0), NAME, Anchor::Start, &labels::with_unit(&shown.label(spec), &spec.unit()));
     drawing.text((left, 18.5), SMALL, Anchor::Start, &format!("across: {across}, down: {down}"));
     for (i, column) in columns.iter().enumerate() {
         let x = left + (i as f64 + 0.5) * width;

@@ -134,8 +134,8 @@ fn item(
     let (column, label, what) = match quantity {
         Quantity::Metric(metric) => {
             let spec = &study.metrics[*metric];
-            let (label, unit, options) = (Shown::of(spec).label(spec), spec.unit(), spec.describe_options());
-            let label = if unit.is_empty() { label } else { format!("{label} ({unit})") };
+            let label = labels::with_unit(&Shown::of(spec).label(spec), &spec.unit());
+            let options = spec.describe_options();
             let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
             (spec.column.clone(), label, format!("{}{options} when runs stopped", labels::metric_title(spec)))
         }
@@ -148,12 +148,17 @@ fn item(
     let mut caption = format!("{what}, over {}.", over.name);
     let bands = || panels.iter().flat_map(|p| &p.lines).filter_map(|line| line.band.as_ref());
     let mean = if scale == Scale::Log { "Geometric mean" } else { "Mean" };
+    let repeated = study.all().any(|m| m.run.repeat > 0);
     match bands().map(|band| band.kind).max() {
         Some(BandKind::Confidence) => {
             caption += &format!(" {mean} of repeats; band: 95 % confidence interval of the mean by Student's t.");
         }
         Some(BandKind::Range) => caption += &format!(" {mean} of repeats; band: the range of the two."),
+        _ if repeated => caption += &format!(" {mean} of repeats."),
         _ => caption += " One run each.",
+    }
+    if repeated && bands().any(|band| band.kind == BandKind::Single) {
+        caption += " A line that has a single run at some place has no band.";
     }
     let clock = study.clock();
     match (quantity, device) {
@@ -209,19 +214,23 @@ fn panel(
         }
         let members = study.members(facet, series);
         let mut marks: Vec<(f64, Spread)> = Vec::new();
-        let mut most = 0;
+        let mut fewest = usize::MAX;
         for (place, text) in over.values.iter().enumerate() {
             let here = members.iter().filter(|m| m.run.value(over.name).as_ref() == Some(text));
-            let values: Vec<f64> = here.filter_map(|m| value(study, quantity, m)).collect();
-            most = most.max(values.len());
-            marks.extend(Spread::of(scale, &values).map(|spread| (over.at(place), spread)));
+            // Where one of the repeats has no such value, a mean of the others would be none of them all.
+            let values: Option<Vec<f64>> = here.filter(|m| m.run.done()).map(|m| value(study, quantity, m)).collect();
+            if let Some((count, spread)) = values.and_then(|v| Some((v.len(), Spread::of(scale, &v)?))) {
+                fewest = fewest.min(count);
+                marks.push((over.at(place), spread));
+            }
         }
         places = places.max(marks.len());
         if marks.is_empty() {
             continue;
         }
         marks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let kind = BandKind::of(most);
+        // No band where a place has a single run, whose mean would look certain.
+        let kind = BandKind::of(fewest);
         let ends = if kind == BandKind::Single { Vec::new() } else { marks.iter().map(|(_, s)| s.ends).collect() };
         let mean = marks.iter().map(|(x, spread)| (*x, spread.mean)).collect();
         lines.push(Line::of(series, Band { mean, ends, kind }));

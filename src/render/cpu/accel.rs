@@ -28,6 +28,7 @@ const ONE_LEAF: usize = 2 * LANES;
 
 /// A scene's hierarchy.
 pub struct Accel {
+    /// The scene whose primitives hits name: without copies where the builder knows none.
     pub(super) scene: Arc<CompiledScene>,
     /// Where rays begin: a node or a leaf, as in [`Node::child`].
     pub(super) root: u32,

@@ -126,18 +126,13 @@ fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
 
 /// The second source's split by plane (listing 4.6): by centroids, in the middle of the box's longest side.
 ///
-/// Its extents are written with a comma instead of a constructor, so that all three are that of z; here each is its own.
+/// Its extents are written with a comma instead of a constructor, so that all three are that of z; here each is its own. Its
+/// comparisons take z where x and y are the longest alike; here it is the last of the longest.
 /// And where all centroids lie on one side it goes on dividing nothing until its depth is used up; here that is a leaf.
 fn plane(of: &[Bounded], members: &mut [u32]) -> Option<usize> {
     let aabb = around(of, members);
     let size = aabb.max - aabb.min;
-    let axis = if size.x > size.y && size.x > size.z {
-        0
-    } else if size.y > size.x && size.y > size.z {
-        1
-    } else {
-        2
-    };
+    let axis = (0..3).max_by(|a, b| size[*a].total_cmp(&size[*b])).unwrap_or(2);
     let middle = aabb.min[axis] + size[axis] / 2.0;
     Some(partition(members, |i| of[i as usize].centroid[axis] > middle))
 }

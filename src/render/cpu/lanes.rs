@@ -38,7 +38,11 @@ impl Isa {
     /// All that this processor has, the widest last.
     pub fn available() -> &'static [Isa] {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("bmi2")
+            && std::arch::is_x86_feature_detected!("lzcnt")
+        {
             return &[Isa::Portable, Isa::Avx2];
         }
         &[Isa::Portable]

@@ -15,7 +15,7 @@ pub(super) mod packed;
 mod paths;
 pub mod rates;
 pub mod renderer;
-#[cfg(target_arch = "x86_64")]
+#[cfg_attr(not(target_arch = "x86_64"), path = "streams/none.rs")]
 mod streams;
 mod times;
 mod traverse;

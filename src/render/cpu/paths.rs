@@ -44,6 +44,7 @@ pub(super) fn paths(
 ) -> Result<Vec<Vec<Step>>, RenderError> {
     let failed = |e: Unusable| RenderError::Failed { backend: "cpu", reason: e.to_string() };
     let accel = Accel::build_as(Arc::clone(scene), &job.accel, Isa::detect()).map_err(failed)?;
+    let scene = &accel.scene;
     let camera = Camera::new(&scene.camera, job.resolution, job.filter);
     let lights = Lights::with_select(scene, Select::of(&job.params));
     let settings = Settings::new(&job.params);

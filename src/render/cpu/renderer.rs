@@ -11,7 +11,6 @@ use rayon::prelude::*;
 use super::accel::Accel;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
-#[cfg(target_arch = "x86_64")]
 use super::streams::Streams;
 use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
@@ -48,7 +47,6 @@ pub struct CpuRenderer {
     /// The layers, where the job asks for any.
     layers: Option<LayerSums>,
     /// What shades paths in lanes, where the job can be done so.
-    #[cfg(target_arch = "x86_64")]
     streams: Option<Streams>,
     /// The sums by time, where the job asks for them.
     times: Option<TimeSums>,
@@ -75,12 +73,15 @@ impl CpuRenderer {
         let accel = pool
             .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
             .map_err(|e| failed(e.to_string()))?;
+        // Not the one that came where the builder knows no copies: primitives are numbered as the hierarchy's scene has them.
+        let scene = Arc::clone(&accel.scene);
+        let streams = Streams::of(&scene, &job, &accel);
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
-            device: words(&accel, &job.accel, pool.current_num_threads()),
+            device: words(&accel, &job.accel, pool.current_num_threads(), streams.is_some()),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -90,8 +91,7 @@ impl CpuRenderer {
             splats: OnceLock::new(),
             joint: None,
             layers,
-            #[cfg(target_arch = "x86_64")]
-            streams: Streams::of(&scene, &job, &accel),
+            streams,
             times,
             timed: OnceLock::new(),
             accel,
@@ -106,10 +106,7 @@ impl CpuRenderer {
 impl CpuRenderer {
     /// Whether paths are shaded several at a time in the lanes of vectors. Pictures have the same bits either way.
     pub fn in_lanes(&self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        return self.streams.is_some();
-        #[cfg(not(target_arch = "x86_64"))]
-        false
+        self.streams.is_some()
     }
 
     /// Joins splats and own samples into one film.
@@ -125,15 +122,18 @@ impl CpuRenderer {
 }
 
 /// A line for people: what traces rays, and how.
-fn words(accel: &Accel, spec: &AccelSpec, threads: usize) -> String {
+fn words(accel: &Accel, spec: &AccelSpec, threads: usize, lanes: bool) -> String {
     let plain = AccelSpec::default();
     let tree = match spec.builder {
         Builder::None => "no hierarchy".to_owned(),
         Builder::Cwbvh => format!("{} of obvhs", spec.describe()),
-        _ if AccelSpec { instances: plain.instances, ..*spec } == plain => "eight-wide BVH".to_owned(),
+        _ if AccelSpec { instances: plain.instances, lanes: plain.lanes, ..*spec } == plain => {
+            "eight-wide BVH".to_owned()
+        }
         _ => format!("eight-wide BVH by {}", spec.describe()),
     };
-    format!("cpu, {threads} threads, {tree}, {}", accel.isa().name())
+    let lanes = if lanes { ", paths in lanes" } else { "" };
+    format!("cpu, {threads} threads, {tree}, {}{lanes}", accel.isa().name())
 }
 
 /// What the rows of a wave report, merged without order.
@@ -210,7 +210,6 @@ impl Renderer for CpuRenderer {
             None => splats.get_or_init(|| SplatSums::new(width as usize * height as usize)),
         };
         let (layer_rows, spec) = LayerSums::rows(layers, height);
-        #[cfg(target_arch = "x86_64")]
         let streams = self.streams.as_ref();
         let render_row = |y: u32, [sum, sum2]: [&mut [[f64; 3]]; 2], apart: Apart| {
             let trace = Counted { accel, rays: Cell::new(0) };
@@ -225,7 +224,6 @@ impl Renderer for CpuRenderer {
                 timing: job.timing.as_ref(),
             };
             let mut stats = RowStats::default();
-            #[cfg(target_arch = "x86_64")]
             if let Some(streams) = streams {
                 streams.row(&context, job, y, first..first + samples, |x, sample, value| {
                     if !add(value, &mut sum[x as usize], &mut sum2[x as usize]) {

@@ -7,6 +7,8 @@
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
+use rayon::prelude::*;
+
 use super::bins::Bins;
 use crate::film::Film;
 use crate::film::prefetch::prefetch;
@@ -148,6 +150,10 @@ impl TimeSums {
             *square = [place >> 32, rest & u64::from(u32::MAX), rest >> 32].map(|q| f32::from_bits(q as u32));
         }
         let splats = SplatSums::restore(self.bins.sum.len(), from)?;
+        let ready = self.splats.take().is_some();
+        if let (true, Some(splats)) = (ready, &splats) {
+            (0..splats.stripes()).into_par_iter().for_each(|stripe| splats.reserve(stripe));
+        }
         self.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
         Ok(())
     }

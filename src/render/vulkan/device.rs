@@ -43,6 +43,8 @@ pub struct Limits {
     pub heap: u64,
     /// Nanoseconds of a step of the device's clock; 0 if it has none.
     pub timestamp_ns: f64,
+    /// The bits that a tick has: it starts over beyond them.
+    pub timestamp_mask: u64,
     /// Bytes of a shader group's handle.
     pub handle: u64,
     /// Alignment of handles inside a table.
@@ -175,11 +177,12 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
     let memory = unsafe { raw.get_physical_device_memory_properties(physical) };
     let local = |h: &&vk::MemoryHeap| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
     let heap = memory.memory_heaps_as_slice().iter().filter(local).map(|h| h.size).max().unwrap_or(0);
-    let ticks = families[queue_family].timestamp_valid_bits > 0;
+    let bits = families[queue_family].timestamp_valid_bits;
     let limits = Limits {
         storage_range: u64::from(core.limits.max_storage_buffer_range),
         heap,
-        timestamp_ns: if ticks { f64::from(core.limits.timestamp_period) } else { 0.0 },
+        timestamp_ns: if bits > 0 { f64::from(core.limits.timestamp_period) } else { 0.0 },
+        timestamp_mask: u64::MAX.checked_shr(64 - bits.min(64)).unwrap_or(0),
         handle: u64::from(pipeline_limits.shader_group_handle_size),
         handle_alignment: u64::from(pipeline_limits.shader_group_handle_alignment),
         base_alignment: u64::from(pipeline_limits.shader_group_base_alignment),
@@ -447,7 +450,7 @@ impl Device {
     /// # Errors
     /// When recording fails, the device is lost, or it does not finish.
     pub fn run(self: &Arc<Device>, pass: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), VulkanError> {
-        self.submit(pass, record)?.wait().map(drop)
+        self.submit(pass, record, |_| ())?.wait().map(drop)
     }
 }
 

@@ -17,8 +17,9 @@ const MOST_SAMPLES: u64 = 1 << 16;
 /// Dispatches of one submission.
 pub const TOGETHER: usize = 4;
 
-/// Dispatches of a wave that nobody has asked for yet, at most; no more than the host needs between waves.
-pub const AHEAD: usize = 16;
+/// Dispatches of a wave that nobody has asked for yet, at most; no more than the host needs between waves, and so few that
+/// their rays can be counted in 32 bits at 6 Grays/s.
+pub const AHEAD: usize = 8;
 
 /// A part of a wave: so many samples of every pixel of some rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,7 +89,9 @@ impl Cut {
     /// The rest of a wave of so many samples whose first parts are those that this one has given; none if it has given samples
     /// that such a wave has not.
     pub fn of(self, samples: u64) -> Option<Cut> {
-        (self.next.done + u64::from(self.next.samples) <= samples).then_some(Cut { samples, ..self })
+        // Before a first row, and after the last, nothing of the samples named last is under way.
+        let begun = if self.next.row == 0 { 0 } else { u64::from(self.next.samples) };
+        (self.next.done + begun <= samples).then_some(Cut { samples, ..self })
     }
 }
 
@@ -184,6 +187,23 @@ mod tests {
             for samples in [has, has + 1, 50, 200] {
                 assert_eq!(rows_of(first.clone(), ahead.of(samples).unwrap()), [samples; 36]);
             }
+        }
+    }
+
+    #[test]
+    fn all_of_a_wave_may_have_been_begun() {
+        let (size, mut pace) = ([64, 36], Pace::default());
+        pace.record(64.0 * 36.0 * 3.0, TARGET_S);
+        for samples in [1, 3, 5] {
+            let mut ahead = Cut::new(size, samples);
+            let first = ahead.parts(&pace, AHEAD);
+            assert_eq!(first.iter().map(|part| u64::from(part.samples)).sum::<u64>(), samples);
+            let mut rest = ahead.of(samples).expect("nothing is left of it, and nothing is too much");
+            assert!(rest.is_done() && rest.parts(&pace, 1).is_empty());
+            assert!(ahead.of(samples - 1).is_none());
+            let more: u64 =
+                ahead.of(samples + 2).unwrap().parts(&pace, 4).iter().map(|part| u64::from(part.samples)).sum();
+            assert_eq!(more, 2);
         }
     }
 

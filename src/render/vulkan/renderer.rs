@@ -45,7 +45,7 @@ pub struct VulkanRenderer {
     /// When the device worked on the last submission.
     last: Option<Span>,
     /// When the last wave was handed out, and seconds from there to asking for the next one.
-    away: (Option<Instant>, f64),
+    away: (Option<Instant>, [f64; 2]),
     film: Film,
     /// Index of the first sample of the film.
     first_sample: u64,
@@ -192,7 +192,7 @@ impl VulkanRenderer {
             pace: Pace::default(),
             place: 0,
             last: None,
-            away: (None, 0.0),
+            away: (None, [0.0; 2]),
             film: Film::new(job.resolution[0], job.resolution[1]),
             first_sample: job.first_sample,
             open_stats: OpenStats { upload_s, pipeline_s, device: device.info.line(), ..built },
@@ -203,7 +203,7 @@ impl VulkanRenderer {
     /// Renders a wave, begins the next one where `more` samples are to follow, and brings the film here while that runs.
     fn wave(&mut self, samples: u64, more: u64) -> Result<WaveStats, VulkanError> {
         let mut stats = WaveStats { samples, paths: samples * self.film.sum.len() as u64, ..WaveStats::default() };
-        self.away.1 = self.away.0.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
+        self.away.1 = [self.away.0.take().map_or(0.0, |since| since.elapsed().as_secs_f64()), self.away.1[0]];
         let mut cut = self.take_ahead(samples, &mut stats)?;
         let mut waited = true;
         loop {
@@ -235,7 +235,7 @@ impl VulkanRenderer {
     /// Hands parts of a wave to the device that follows so many samples, and its end where they are the last ones.
     fn submit(&mut self, parts: &[Part], before: u64, ends: bool) -> Result<Submission, VulkanError> {
         self.place += 1;
-        self.device.submit("render", |commands| {
+        let render = |commands| {
             self.films.start_counting(&self.device, commands);
             for (i, part) in parts.iter().enumerate() {
                 if i > 0 {
@@ -248,10 +248,15 @@ impl VulkanRenderer {
                 self.program.dispatch(commands, &self.bindings, self.film.width, &wave);
             }
             self.films.stop_counting(&self.device, commands, self.place);
+        };
+        // On no clock, as the bins of a time axis are not that are fetched later: what splats need to be copied, other
+        // techniques would not pay.
+        let copy = |commands| {
             if ends {
                 self.films.record_end(&self.device, commands);
             }
-        })
+        };
+        self.device.submit("render", render, copy)
     }
 
     /// Counts what a submission has done, and learns from it. All clocks are the device's: a wave takes from the beginning of its
@@ -272,7 +277,7 @@ impl VulkanRenderer {
         self.last = Some(span);
     }
 
-    /// Begins the wave after the one in progress, of `samples`, as far as the host was away last time, if so many samples are
+    /// Begins the wave after the one in progress, of `samples`, as far as the host was away the last times, if so many samples are
     /// to follow and the films let it.
     fn begin_ahead(&mut self, samples: u64, more: u64) -> Result<(), VulkanError> {
         // Without a clock of the device nobody could say how long it took.
@@ -280,7 +285,7 @@ impl VulkanRenderer {
             return Ok(());
         }
         let mut cut = Cut::new([self.film.width, self.film.height], more);
-        let parts = cut.parts(&self.pace, ((self.away.1 / TARGET_S) as usize + 1).min(AHEAD));
+        let parts = cut.parts(&self.pace, ((self.away.1[0].max(self.away.1[1]) / TARGET_S) as usize + 1).min(AHEAD));
         let submission = self.submit(&parts, self.film.samples + samples, false)?;
         self.ahead = Some(Ahead { submission, parts, place: self.place, cut });
         Ok(())
@@ -338,6 +343,16 @@ impl VulkanRenderer {
         from.end()?;
         self.film.samples = samples;
         Ok(self.films.picture(&mut self.film)?)
+    }
+}
+
+impl Drop for VulkanRenderer {
+    fn drop(&mut self) {
+        let ended = self.ahead.take().map(|ahead| ahead.submission.wait());
+        if let Some(Err(error)) = ended {
+            tracing::debug!("the device failed in a wave that nobody wanted any more: {error}");
+            session::forget(&self.device);
+        }
     }
 }
 

@@ -53,7 +53,8 @@ pub struct Submission {
 }
 
 impl Device {
-    /// Records commands and hands them to the queue under the name `pass`, behind all that it has already.
+    /// Records commands and hands them to the queue under the name `pass`, behind all that it has already; `after` records what
+    /// is to follow them and is on no clock.
     ///
     /// # Errors
     /// When recording fails, or the device is lost.
@@ -61,6 +62,7 @@ impl Device {
         self: &Arc<Device>,
         pass: &str,
         record: impl FnOnce(vk::CommandBuffer),
+        after: impl FnOnce(vk::CommandBuffer),
     ) -> Result<Submission, VulkanError> {
         let fail = |call: &'static str| move |result| self.failed_in(call, result, pass.to_owned());
         let allocate = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
@@ -101,6 +103,7 @@ impl Device {
             if made.is_timed() {
                 raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, made.queries, 1);
             }
+            after(commands);
             raw.end_command_buffer(commands).map_err(fail("vkEndCommandBuffer"))?;
             let all = [commands];
             let submit = [vk::SubmitInfo::default().command_buffers(&all)];
@@ -135,8 +138,9 @@ impl Submission {
         unsafe { self.device.raw.get_query_pool_results(self.queries, 0, &mut ticks, flags) }
             .map_err(|r| self.device.failed("vkGetQueryPoolResults", r))?;
         let [begin, end] = ticks;
-        let step_ns = self.device.info.limits.timestamp_ns;
-        let seconds = end.wrapping_sub(begin) as f64 * step_ns * 1e-9;
+        let limits = &self.device.info.limits;
+        let step_ns = limits.timestamp_ns;
+        let seconds = (end.wrapping_sub(begin) & limits.timestamp_mask) as f64 * step_ns * 1e-9;
         // A clock that was set back says nothing.
         Ok(if seconds <= elapsed * 2.0 { Span { begin, end, step_ns, seconds } } else { host })
     }

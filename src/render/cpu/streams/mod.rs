@@ -119,12 +119,13 @@ impl Record {
 }
 
 impl Streams {
-    /// For a job that can be done so: `bpt`, or `nee` with one light for each vertex, independent numbers and nothing but a
-    /// picture, in a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None` for all
-    /// others, and where no surface would gain.
+    /// For a job that asks for it and can be done so: `bpt`, or `nee` with one light for each vertex, independent numbers and
+    /// nothing but a picture, in a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None`
+    /// for all others, and where no surface would gain.
     pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
         let kind = KINDS.iter().find(|kind| kind.name == job.integrator.name)?;
-        let plain = job.sampler.name == sampler::INDEPENDENT.name
+        let plain = job.accel.lanes
+            && job.sampler.name == sampler::INDEPENDENT.name
             && job.layers.is_empty()
             && job.timing.is_none()
             && !Settings::new(&job.params).all_lights

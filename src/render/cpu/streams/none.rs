@@ -1,0 +1,25 @@
+//! In place of [`streams`](super::streams) where no processor has its vectors: no job is done so.
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use super::accel::Accel;
+use crate::render::Job;
+use crate::scene::CompiledScene;
+use crate::transport::integrator::Context;
+
+/// What there is none of.
+pub enum Streams {}
+
+impl Streams {
+    /// `None`.
+    pub fn of(_: &CompiledScene, _: &Job, _: &Accel) -> Option<Streams> {
+        None
+    }
+
+    /// Never called.
+    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: impl FnMut(u32, u64, Vec3)) {
+        match *self {}
+    }
+}
