@@ -14,6 +14,8 @@ mod files;
 mod formats;
 #[path = "laws/imports.rs"]
 mod imports;
+#[path = "laws/lanes.rs"]
+mod lanes;
 #[path = "laws/source.rs"]
 mod source;
 #[path = "laws/tables.rs"]

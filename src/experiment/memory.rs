@@ -19,7 +19,8 @@ pub fn beside_bytes(config: &CellConfig) -> u64 {
     layers + bins
 }
 
-/// The most bytes that a run takes while it renders, its scene aside: sums, layers, bins, and what measuring keeps.
+/// The most bytes that a run takes while it renders, its scene aside, with its hierarchy and what is
+/// tabled of its surfaces and lamps: sums, layers, bins, and what measuring keeps.
 pub fn run_bytes(config: &CellConfig) -> u64 {
     let each = BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
     pixels(config) * each + beside_bytes(config)

@@ -138,6 +138,7 @@ impl Default for Yes {
 }
 
 impl PartialEq for Yes {
+    #[inline(always)]
     fn eq(&self, other: &Yes) -> bool {
         self.bits() == other.bits()
     }

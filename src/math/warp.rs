@@ -15,7 +15,7 @@ pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
 
 /// [`concentric_disk`] for any number of points.
 #[inline(always)]
-fn on_disk<R: Real>(u: [R; 2]) -> [R; 2] {
+pub fn on_disk<R: Real>(u: [R; 2]) -> [R; 2] {
     let (zero, one, two) = (R::of(0.0), R::of(1.0), R::of(2.0));
     let a = two * u[0] - one;
     let b = two * u[1] - one;
@@ -51,15 +51,12 @@ pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
 }
 
 /// Barycentric weights of the second and third corner of a triangle, uniform over its area [Heitz 2019].
-#[inline]
-pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
-    if u[1] > u[0] {
-        let x = u[0] * 0.5;
-        [x, u[1] - x]
-    } else {
-        let y = u[1] * 0.5;
-        [u[0] - y, y]
-    }
+#[inline(always)]
+pub fn uniform_triangle<R: Real>([u, v]: [R; 2]) -> [R; 2] {
+    let upper = v.gt(u);
+    let half = R::select(upper, u, v) * R::of(0.5);
+    let rest = R::select(upper, v, u) - half;
+    [R::select(upper, half, rest), R::select(upper, rest, half)]
 }
 
 #[cfg(test)]

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use lumbre::film::layer::Layer;
 use lumbre::render::cpu::lanes::Isa;
 use lumbre::render::hierarchy::AccelSpec;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Model};
+use lumbre::scene::compile::{Material, Model, Texture};
+use lumbre::transport::camera::{FILTERS, FilterSpec};
 use lumbre::transport::integrator::integrator;
 use lumbre::value::Value;
 
@@ -63,6 +64,11 @@ fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
     Job { threads: 1, accel, ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5) }
 }
 
+/// The same for paths that are joined to nothing.
+fn unjoined(job: Job) -> Job {
+    Job { integrator: integrator("bpt").unwrap(), ..job }
+}
+
 /// Renders in lanes, as the job asks, and alone, and compares all bits and the rays.
 fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
     // The lamps stand behind the camera.
@@ -86,7 +92,9 @@ fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
 #[test]
 fn every_material_has_the_same_bits_in_lanes() {
     for (name, material) in materials() {
-        same(name, &room(material).build(), plain([29, 17], 6), 11);
+        let scene = room(material).build();
+        same(name, &scene, plain([29, 17], 6), 11);
+        same(name, &scene, unjoined(plain([29, 17], 6)), 11);
     }
 }
 
@@ -99,10 +107,26 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
     };
     let glass = Material { opacity: 0.0, roughness: 0.0, ..DISNEY };
     let ball = |scene: SceneBuilder| scene.sphere(Vec3::ZERO, 0.4, glass);
+    let mut pictured = open();
+    let picture = pictured.texture(Texture::new(2, 2, vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]]));
+    let holes = pictured.texture(Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]));
+    let lamp = |at: Vec3, material| {
+        let corners = [at, at + Vec3::X * 0.5, at + Vec3::Z * 0.5];
+        move |scene: SceneBuilder| scene.triangle(corners, [Vec2::ZERO, Vec2::X, Vec2::Y], material)
+    };
+    let high = Vec3::new(-0.2, 1.2, -0.2);
+    let pictured = lamp(high, Material { emission_texture: picture, ..light(3.0) })(pictured);
+    let pictured = lamp(high + Vec3::X * 0.6, Material { mask_texture: holes, ..light(3.0) })(pictured);
+    let pictured = lamp(high - Vec3::X * 0.6, light(3.0))(pictured);
     let scenes = [
         ("point", ball(open()).point(Vec3::new(0.5, 1.0, 0.5), Vec3::splat(3.0))),
         ("direction", ball(open()).directional(Vec3::new(0.2, -1.0, 0.1), Vec3::splat(2.0))),
         ("environment", ball(open()).environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0)),
+        ("triangles with pictures, with holes, and plain", pictured),
+        (
+            "triangle that nothing faces",
+            lamp(Vec3::new(0.0, -0.6, 0.0), light(3.0))(ball(open())).sphere(Vec3::Y, 0.1, light(1.0)),
+        ),
         ("sphere", ball(open()).sphere(Vec3::new(0.6, 0.8, 0.3), 0.2, light(9.0))),
         (
             "all of them",
@@ -114,7 +138,11 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
         ),
     ];
     for (name, scene) in scenes {
-        same(name, &scene.build(), plain([31, 19], 5), 9);
+        let scene = scene.build();
+        same(name, &scene, plain([31, 19], 5), 9);
+        if name == "all of them" {
+            same(name, &scene, unjoined(plain([31, 19], 5)), 9);
+        }
     }
 }
 
@@ -136,6 +164,21 @@ fn every_setting_has_the_same_bits_in_lanes() {
         same(name, &scene, job, 5);
     }
     same("emission only", &scene, plain([23, 13], 1), 5);
+    same("roulette, unjoined", &scene, unjoined(Job { rr_start: Some(2), ..plain([23, 13], 12) }), 5);
+}
+
+#[test]
+fn every_camera_has_the_same_bits_in_lanes() {
+    let scene = || room(Material { roughness: 0.3, ..DISNEY });
+    for (kind, name) in FILTERS {
+        let filter = FilterSpec { kind, radius: 1.25 };
+        let job = Job { filter, first_sample: 1 << 32, seed: 3 << 32, ..plain([21, 13], 3) };
+        same(name, &scene().build(), job, 5);
+    }
+    let lens = scene().with(|s| (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(0.7))).build();
+    same("lens", &lens, plain([21, 13], 3), 5);
+    // Columns beyond 2^16 have a part of their own in the key of a sample.
+    same("very wide", &scene().build(), plain([65_600, 1], 2), 1);
 }
 
 #[test]

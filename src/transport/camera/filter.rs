@@ -7,6 +7,8 @@
 
 use std::f32::consts::{PI, TAU};
 
+use crate::math::real::Real;
+
 /// A pixel filter, sampled by importance: every sample has weight one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSpec {
@@ -70,17 +72,22 @@ impl FilterSpec {
     /// The filter that is the pixel's own square.
     pub const PIXEL: FilterSpec = FilterSpec { kind: FilterKind::Box, radius: 0.5 };
 
-    /// Offset from the pixel's centre in pixels.
-    #[inline]
-    pub fn sample(&self, u: [f32; 2]) -> [f32; 2] {
+    /// Offset from the pixel's centre in pixels, for any number of samples.
+    #[inline(always)]
+    pub fn sample<R: Real>(&self, [u, v]: [R; 2]) -> [R; 2] {
+        [self.offset(u), self.offset(v)]
+    }
+
+    /// One coordinate of it.
+    #[inline(always)]
+    fn offset<R: Real>(&self, u: R) -> R {
+        let radius = R::of(self.radius);
         match self.kind {
-            FilterKind::Box => u.map(|u| (2.0 * u - 1.0) * self.radius),
-            FilterKind::Tent => u.map(|u| tent(u) * self.radius),
-            FilterKind::Gauss => u.map(|u| truncated_normal(u) * self.radius / SIGMAS),
-            FilterKind::BlackmanHarris => u.map(|u| blackman_harris(u) * self.radius),
-            FilterKind::AntialiasingRadius => {
-                u.map(|u| inverse_normal_cdf(middle_of_step(u)).clamp(-WIDE, WIDE) * 2.0 * self.radius)
-            }
+            FilterKind::Box => (R::of(2.0) * u - R::of(1.0)) * radius,
+            FilterKind::Tent => u.each(tent) * radius,
+            FilterKind::Gauss => u.each(truncated_normal) * radius / R::of(SIGMAS),
+            FilterKind::BlackmanHarris => u.each(blackman_harris) * radius,
+            FilterKind::AntialiasingRadius => u.each(wide_normal) * R::of(2.0) * radius,
         }
     }
 
@@ -199,6 +206,11 @@ const TAIL: f32 = 1.349_898e-3;
 fn truncated_normal(u: f32) -> f32 {
     let p = TAIL + u * (1.0 - 2.0 * TAIL);
     inverse_normal_cdf(p).clamp(-SIGMAS, SIGMAS)
+}
+
+/// A standard normal number, by inversion.
+fn wide_normal(u: f32) -> f32 {
+    inverse_normal_cdf(middle_of_step(u)).clamp(-WIDE, WIDE)
 }
 
 /// The middle of the 2^-24 wide step that a sample number stands for, so that 0 is not infinitely far. That of the last

@@ -3,7 +3,8 @@
 use glam::{Vec2, Vec3};
 
 use super::FilterSpec;
-use crate::math::warp::concentric_disk;
+use crate::math::real::{Real, Vector};
+use crate::math::warp::{concentric_disk, on_disk};
 use crate::scene::desc::CameraDesc;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -81,16 +82,36 @@ impl Camera {
     /// for a lens of diameter `A`.
     #[inline]
     pub fn sample_ray(&self, pixel: [u32; 2], sampler: &mut Sampler) -> Ray {
-        let offset = self.filter.sample(sampler.next_2d());
-        let film = [0, 1].map(|i| 2.0 * (pixel[i] as f32 + 0.5 + offset[i]) / self.resolution[i] - 1.0);
-        let through = self.forward + self.right * (film[0] * self.half[0]) - self.up * (film[1] * self.half[1]);
-        if self.lens_radius <= 0.0 {
-            return Ray { origin: self.position, dir: through.normalize_or(self.forward) };
+        let filter_u = sampler.next_2d();
+        let lens_u = if self.has_lens() { sampler.next_2d() } else { [0.0; 2] };
+        let [origin, dir] = self.ray(pixel.map(|n| n as f32), filter_u, lens_u);
+        Ray { origin, dir }
+    }
+
+    /// Whether rays leave from a disk rather than from a point.
+    #[inline]
+    pub fn has_lens(&self) -> bool {
+        self.lens_radius > 0.0
+    }
+
+    /// [`Camera::sample_ray`] for any number of rays: their origins and unit directions. Without a lens, `lens_u` says
+    /// nothing.
+    #[inline(always)]
+    pub fn ray<V: Vector>(&self, pixel: [V::Scalar; 2], filter_u: [V::Scalar; 2], lens_u: [V::Scalar; 2]) -> [V; 2] {
+        let [dx, dy] = self.filter.sample(filter_u);
+        let x = on_film(pixel[0], dx, self.resolution[0]) * V::Scalar::of(self.half[0]);
+        let y = on_film(pixel[1], dy, self.resolution[1]) * V::Scalar::of(self.half[1]);
+        let [position, right, up] = [V::of(self.position), V::of(self.right), V::of(self.up)];
+        let forward = V::of(self.forward);
+        let through = forward + right * x - up * y;
+        if !self.has_lens() {
+            return [position, through.normalize_or(forward)];
         }
-        let lens = concentric_disk(sampler.next_2d()) * self.lens_radius;
-        let origin = self.position + self.right * lens.x + self.up * lens.y;
-        let focus = self.position + through * self.focus_distance;
-        Ray { origin, dir: (focus - origin).normalize_or(self.forward) }
+        let radius = V::Scalar::of(self.lens_radius);
+        let [x, y] = on_disk(lens_u);
+        let origin = position + right * (x * radius) + up * (y * radius);
+        let focus = position + through * V::Scalar::of(self.focus_distance);
+        [origin, (focus - origin).normalize_or(forward)]
     }
 
     /// Joins a point of the scene to the camera; visibility is not tested. `lens_u` chooses the point of the lens
@@ -172,6 +193,12 @@ impl Camera {
         }
         1.0 / (4.0 * self.half[0] * self.half[1] * cos * cos * cos)
     }
+}
+
+/// A coordinate of a point of a pixel, from -1 to 1 over the whole film.
+#[inline(always)]
+fn on_film<R: Real>(pixel: R, offset: R, resolution: f32) -> R {
+    R::of(2.0) * (pixel + R::of(0.5) + offset) / R::of(resolution) - R::of(1.0)
 }
 
 #[cfg(test)]

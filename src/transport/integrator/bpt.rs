@@ -3,14 +3,14 @@
 
 use glam::Vec3;
 
+use super::nee::{State, Walk};
 use super::{Context, IntegratorRow};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
-use crate::transport::flight::{Chance, Flight};
+use crate::transport::ray::Hit;
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::Overhang;
 use crate::value::schema::Table;
 
 /// The row of this integrator.
@@ -38,55 +38,86 @@ fn path<const TIMED: bool>(
     sampler: &mut Sampler,
     sink: &mut dyn FnMut(Contribution),
 ) {
-    let scene = context.scene;
-    let mut ray = context.camera.sample_ray(pixel, sampler);
-    let mut chance = Chance::new::<TIMED>(sampler);
-    let mut flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
-    let mut throughput = Vec3::ONE;
-    // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
-    let mut eta_scale = 1.0f32;
-    let mut over: Option<Overhang> = None;
+    let ray = context.camera.sample_ray(pixel, sampler);
+    let mut walk = Walk::<TIMED>::of_camera(context, ray, sampler);
     for depth in 1..=context.max_depth {
-        let mut found = |radiance: Vec3, length: f64| {
-            if radiance != Vec3::ZERO {
-                let value = throughput * radiance;
-                sink(Contribution { pixel, value, unweighted: value, s: 0, t: depth + 1, length });
-            }
-        };
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            found(context.lights.environment(ray.dir), flight.escaped(context, ray.dir));
-            break;
-        };
-        // The last edge finds light or nothing.
-        if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
+        let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
+        if !step_of(&mut walk, context, pixel, sampler, sink, depth, hit) {
             break;
         }
-        let surface = flight.arrive(context, &ray, &hit, &mut chance);
-        if over.is_some_and(|o| !o.reaches(surface.position)) {
-            break;
-        }
-        let wo = -ray.dir;
-        found(surface.emitted(&scene.textures, wo), flight.stamp().arrived());
-        if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
-            break;
-        }
-        let bsdf = Bsdf::new(&surface, &scene.textures);
-        let choice = sampler.next_1d();
-        let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { break };
-        throughput *= s.weight;
-        eta_scale *= s.eta * s.eta;
-        if context.rr_start.is_some_and(|start| depth >= start) {
-            let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
-            if sampler.next_1d() >= survival {
-                break;
-            }
-            throughput /= survival;
-        }
-        if throughput == Vec3::ZERO {
-            break;
-        }
-        flight.leave(surface.position, s.eta);
-        ray = surface.spawn(s.wi);
-        over = surface.overhang_into(s.wi);
     }
+}
+
+/// A [`StepFn`](super::nee::StepFn).
+pub fn step(
+    state: &mut State,
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    depth: u32,
+    hit: Option<Hit>,
+) -> bool {
+    let mut walk = Walk::<false> { state: *state, ..Walk::of_camera(context, state.ray, sampler) };
+    let goes_on = step_of(&mut walk, context, pixel, sampler, sink, depth, hit);
+    *state = walk.state;
+    goes_on
+}
+
+/// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.
+#[inline(always)]
+fn step_of<'a, const TIMED: bool>(
+    walk: &mut Walk<'a, TIMED>,
+    context: &Context<'a>,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    depth: u32,
+    hit: Option<Hit>,
+) -> bool {
+    let scene = context.scene;
+    let Walk { state, over, chance, flight } = walk;
+    let State { ray, throughput, .. } = *state;
+    let mut found = |radiance: Vec3, length: f64| {
+        if radiance != Vec3::ZERO {
+            let value = throughput * radiance;
+            sink(Contribution { pixel, value, unweighted: value, s: 0, t: depth + 1, length });
+        }
+    };
+    let Some(hit) = hit else {
+        found(context.lights.environment(ray.dir), flight.escaped(context, ray.dir));
+        return false;
+    };
+    // The last edge finds light or nothing.
+    if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
+        return false;
+    }
+    let surface = flight.arrive(context, &ray, &hit, chance);
+    if over.is_some_and(|o| !o.reaches(surface.position)) {
+        return false;
+    }
+    let wo = -ray.dir;
+    found(surface.emitted(&scene.textures, wo), flight.stamp().arrived());
+    if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
+        return false;
+    }
+    let bsdf = Bsdf::new(&surface, &scene.textures);
+    let choice = sampler.next_1d();
+    let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { return false };
+    state.throughput *= s.weight;
+    state.eta_scale *= s.eta * s.eta;
+    if context.rr_start.is_some_and(|start| depth >= start) {
+        let survival = (state.throughput.max_element() * state.eta_scale).min(MAX_SURVIVAL);
+        if sampler.next_1d() >= survival {
+            return false;
+        }
+        state.throughput /= survival;
+    }
+    if state.throughput == Vec3::ZERO {
+        return false;
+    }
+    flight.leave(surface.position, s.eta);
+    state.ray = surface.spawn(s.wi);
+    *over = surface.overhang_into(s.wi);
+    true
 }

@@ -97,7 +97,7 @@ impl State {
         State { ray, throughput: Vec3::ONE, eta_scale: 1.0, last: None }
     }
 
-    /// One step by itself, of a path without a clock in a scene without overhangs: [`Walk::step`].
+    /// A [`StepFn`].
     pub fn step(
         &mut self,
         context: &Context,
@@ -115,16 +115,21 @@ impl State {
 }
 
 /// A path on its way.
-struct Walk<'a, const TIMED: bool> {
-    state: State,
-    over: Option<Overhang>,
-    chance: Chance,
-    flight: Flight<'a, TIMED>,
+pub(super) struct Walk<'a, const TIMED: bool> {
+    pub state: State,
+    pub over: Option<Overhang>,
+    pub chance: Chance,
+    pub flight: Flight<'a, TIMED>,
 }
+
+/// One step of a path by itself, without a clock and in a scene without overhangs: what happens where the ray of this edge
+/// met something, or nothing; whether the path goes on from there.
+pub type StepFn =
+    fn(&mut State, &Context, [u32; 2], &mut Sampler, &mut dyn FnMut(Contribution), u32, Option<Hit>) -> bool;
 
 impl<'a, const TIMED: bool> Walk<'a, TIMED> {
     #[inline]
-    fn of_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> Walk<'a, TIMED> {
+    pub fn of_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> Walk<'a, TIMED> {
         let mut chance = Chance::new::<TIMED>(sampler);
         let flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
         Walk { state: State::of_camera(ray), over: None, chance, flight }

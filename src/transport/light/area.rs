@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::{DirectSample, LightId, LightPoint};
+use crate::math::real::{Real, Vector};
 use crate::math::warp;
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, Sphere, Uv};
+use crate::scene::compile::{Material, NONE, Sphere, Uv};
 use crate::transport::surface::{coverage, lookup, sphere_uv};
 
 /// The sphere that emitter `i` is, if it is one.
@@ -22,13 +23,9 @@ pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
         None => {
             let p = scene.emitters[i as usize].primitive;
             let [a, b, c] = scene.corners(p, scene.emitters[i as usize].instance);
-            let [v, w] = warp::uniform_triangle(u);
-            LightPoint {
-                light,
-                position: a * (1.0 - v - w) + b * v + c * w,
-                normal: (b - a).cross(c - a).normalize_or_zero(),
-                uv: scene.uv_at(p, [v, w]),
-            }
+            let at = warp::uniform_triangle(u);
+            let (position, normal) = on_triangle([a, b, c], at);
+            LightPoint { light, position, normal, uv: scene.uv_at(p, at) }
         }
         Some(sphere) => {
             let normal = warp::uniform_sphere(u);
@@ -42,6 +39,23 @@ pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
     }
 }
 
+/// The point of a triangle with these weights of its second and third corner, and the unit normal there, zero for one
+/// without an area; for any number of triangles.
+#[inline(always)]
+pub fn on_triangle<R: Real<Vec3 = V>, V: Vector<Scalar = R>>([a, b, c]: [V; 3], [v, w]: [R; 2]) -> (V, V) {
+    let normal = (b - a).cross(c - a).normalize_or(V::of(Vec3::ZERO));
+    (a * (R::of(1.0) - v - w) + b * v + c * w, normal)
+}
+
+/// How `from` sees a point that is uniform over `area`, where the unit normal is `normal`: unit direction, distance, and
+/// density per solid angle, zero from behind, and where it leaves the range of numbers; for any number of points.
+#[inline(always)]
+pub fn seen<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(from: V, at: V, normal: V, area: R) -> (V, R, R) {
+    let to = at - from;
+    let distance = to.length();
+    (to / distance, distance, density(to, distance, normal, area))
+}
+
 /// Density per area with which [`sample`] finds any point of emitter `i`.
 #[inline]
 pub(super) fn pdf_a(scene: &CompiledScene, i: u32) -> f32 {
@@ -52,12 +66,10 @@ pub(super) fn pdf_a(scene: &CompiledScene, i: u32) -> f32 {
 #[inline]
 pub(super) fn sample_direct(scene: &CompiledScene, i: u32, from: Vec3, u: [f32; 2]) -> Option<DirectSample> {
     let point = sample(scene, i, u);
-    let to = point.position - from;
-    let distance = to.length();
-    let pdf_w = density(to, distance, point.normal, scene.emitters[i as usize].area);
+    let (wi, distance, pdf_w) = seen(from, point.position, point.normal, scene.emitters[i as usize].area);
     (pdf_w > 0.0).then(|| {
         let radiance = emission(scene, i, point.uv);
-        DirectSample { wi: to / distance, distance, radiance, pdf_w, delta: false, point }
+        DirectSample { wi, distance, radiance, pdf_w, delta: false, point }
     })
 }
 
@@ -70,10 +82,19 @@ pub(super) fn pdf_direct_w(scene: &CompiledScene, i: u32, from: Vec3, at: Vec3, 
 
 /// Density per solid angle of a point that is uniform over `area`, seen along `to`; zero from behind, and where it leaves
 /// the range of numbers.
-#[inline]
-fn density(to: Vec3, distance: f32, normal: Vec3, area: f32) -> f32 {
+#[inline(always)]
+fn density<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(to: V, distance: R, normal: V, area: R) -> R {
+    let zero = R::of(0.0);
     let pdf_w = distance * distance * distance / (-to.dot(normal) * area);
-    if pdf_w > 0.0 && pdf_w.is_finite() { pdf_w } else { 0.0 }
+    R::select(pdf_w.gt(zero) & pdf_w.is_finite(), pdf_w, zero)
+}
+
+/// The corners and the radiance of emitter `i`, if it is a triangle that shines alike everywhere on its front.
+pub fn plain_triangle(scene: &CompiledScene, i: u32) -> Option<([Vec3; 3], Vec3)> {
+    let m = material(scene, i);
+    let plain = sphere(scene, i).is_none() && m.mask_texture == NONE && m.emission_texture == NONE;
+    let row = &scene.emitters[i as usize];
+    plain.then(|| (scene.corners(row.primitive, row.instance), m.emission))
 }
 
 /// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.

@@ -33,7 +33,7 @@
 //! | direction | never | c, a Dirac | c, a Dirac; then cos_x / (pi R^2) per area of x |
 //! | point | never | c, a Dirac | c, a Dirac; then 1 / (4 pi), or uniform over the cone, per solid angle |
 
-mod area;
+pub mod area;
 mod bounds;
 mod directional;
 mod environment;
@@ -221,11 +221,18 @@ impl Lights {
         self.ball.radius - (from - self.ball.center).dot(wi)
     }
 
+    /// The index of a light and the probability with which it is chosen; `None` if nothing shines.
+    #[inline]
+    pub fn choose(&self, choice: f32) -> Option<(u32, f32)> {
+        let (index, probability) = self.choice.as_ref()?.sample(choice);
+        Some((index as u32, probability))
+    }
+
     /// Light that arrives at `from`; `None` where the drawn point cannot shine there.
     #[inline]
     pub fn sample_direct(&self, scene: &CompiledScene, from: Vec3, choice: f32, u: [f32; 2]) -> Option<DirectSample> {
-        let (index, probability) = self.choice.as_ref()?.sample(choice);
-        let one = self.sample_direct_from(scene, index as u32, from, u)?;
+        let (index, probability) = self.choose(choice)?;
+        let one = self.sample_direct_from(scene, index, from, u)?;
         Some(DirectSample { pdf_w: one.pdf_w * probability, ..one })
     }
 

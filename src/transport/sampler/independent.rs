@@ -16,13 +16,26 @@ impl Independent {
     /// The numbers of one sample of one pixel.
     #[inline]
     pub fn new(seed: u64, pixel: [u32; 2], sample: u64) -> Independent {
-        let key = pcg4d([
+        Independent::keyed(pcg4d(Independent::place(seed, pixel, sample)))
+    }
+
+    /// What the key of one sample of one pixel is mixed from.
+    #[inline]
+    pub fn place(seed: u64, pixel: [u32; 2], sample: u64) -> [u32; 4] {
+        [
             pixel[0] | (pixel[1] << 16),
             (seed as u32) ^ (pixel[0] >> 16).rotate_left(8) ^ (pixel[1] >> 16),
             sample as u32,
             ((seed >> 32) as u32) ^ ((sample >> 32) as u32).rotate_left(16),
-        ]);
-        Independent::keyed(key)
+        ]
+    }
+
+    /// The keys of [places](Independent::place) and their first four numbers, for any number of places.
+    #[inline(always)]
+    pub fn first_four<W: Word>(place: [W; 4]) -> ([W; 4], [W::Real; 4]) {
+        let key = pcg4d(place);
+        let [a, b, c, d] = pcg4d(key);
+        (key, [unit(a), unit(b), unit(c), unit(d)])
     }
 
     /// The numbers of a key, four random words.
@@ -98,6 +111,13 @@ mod tests {
         let ([a, b], c, [d, e]) = (s.next_2d(), s.next_1d(), s.next_2d());
         let numbers = [a, b, c, d, e].map(|x| (x * 16_777_216.0) as u32);
         assert_eq!(numbers, [11_238_112, 5_423_057, 9_467_810, 14_703_034, 1_590_657]);
+    }
+
+    #[test]
+    fn the_first_four_are_those_that_are_taken_first() {
+        let (key, numbers) = Independent::first_four(Independent::place(1 << 40 | 7, [70_003, 4], 5));
+        let mut all = Independent::new(1 << 40 | 7, [70_003, 4], 5);
+        assert_eq!((key, numbers), (all.key(), [0; 4].map(|_| all.next_1d())));
     }
 
     #[test]

@@ -1,18 +1,21 @@
-//! Many paths of `nee` together, a step of all of them before the next: eight at a time are shaded in the lanes of one
-//! vector, between steps sorted by what their surfaces need.
+//! Many paths of `nee` or `bpt` together, a step of all of them before the next: eight at a time are shaded in the lanes
+//! of one vector, between steps sorted by what their surfaces need.
 //!
-//! A tile is 256 samples, one after the other as the loop over pixels has them. In each step their rays are traced one by
-//! one, as ever; those that met a surface which [lanes know](table) are gathered by its class into full vectors and
-//! shaded together, all others make the step that [`nee`] makes of them. What is light from sampled points waits for its
-//! shadow ray until all are shaded.
+//! A tile is 256 samples, one after the other as the loop over pixels has them, which begin [in lanes](start). In each step
+//! their rays are traced one by one, as ever; those that met a surface which [lanes know](table) are gathered by its class
+//! into full vectors and shaded together, all others make the step that [`nee`] or [`bpt`] makes of them. What is light
+//! from [sampled points](lamps) waits for its shadow ray until all are shaded.
 //!
 //! Nothing of this can be seen in a picture. The equations are those of [`crate::transport`], written once for any number
 //! of lanes, and every sample's light is added in the order of its path: so the film has the same bits, and a picture's
 //! identity does not know who made it. Tests hold both against each other.
 //!
 //! [`nee`]: crate::transport::integrator::nee
+//! [`bpt`]: crate::transport::integrator::bpt
 
+mod lamps;
 mod shade;
+mod start;
 mod table;
 
 use std::ops::Range;
@@ -22,13 +25,13 @@ use glam::Vec3;
 use self::table::Table;
 use super::accel::Accel;
 use super::lanes::Isa;
-use crate::math::lanes::Row;
+use crate::math::lanes::{LANES, Reals, Row, transposed};
 use crate::render::Job;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
-use crate::transport::integrator::nee::{self, Last, State};
-use crate::transport::integrator::{Context, Settings};
+use crate::transport::integrator::nee::{self, Last, State, StepFn};
+use crate::transport::integrator::{Context, Settings, bpt};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::{self, Independent, Sampler};
 
@@ -38,8 +41,24 @@ const TILE: usize = 256;
 /// In the place of a density where the last event was specular.
 const SPECULAR: f32 = -1.0;
 
+/// An integrator whose paths can go together.
+struct Kind {
+    name: &'static str,
+    /// Whether vertices are joined to lights.
+    joined: bool,
+    /// The step of one path by itself.
+    step: StepFn,
+}
+
+/// Every integrator whose paths can go together.
+const KINDS: [Kind; 2] = [
+    Kind { name: nee::ROW.name, joined: true, step: State::step },
+    Kind { name: bpt::ROW.name, joined: false, step: bpt::step },
+];
+
 /// What is known of a scene before its rays are.
 pub struct Streams {
+    step: StepFn,
     table: Table,
 }
 
@@ -70,14 +89,6 @@ struct Tile {
 }
 
 impl Record {
-    fn of_camera(ray: Ray, numbers: &Independent) -> Record {
-        let mut record = Record::default();
-        let [a, b, c, d] = numbers.key().map(f32::from_bits);
-        record.rows[2].0 = [0.0, 0.0, 0.0, 0.0, a, b, c, d];
-        record.put(&State::of_camera(ray), numbers.taken());
-        record
-    }
-
     fn put(&mut self, state: &State, taken: u32) {
         let State { ray: Ray { origin: o, dir: d }, throughput: t, eta_scale, last } = *state;
         let (from, pdf_w) = last.map_or((Vec3::ZERO, SPECULAR), |last| (last.from, last.pdf_w));
@@ -108,12 +119,12 @@ impl Record {
 }
 
 impl Streams {
-    /// For a job that asks for it and can be done so: `nee` with one light for each vertex, independent numbers and nothing but a picture, in
-    /// a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None` for all others, and
-    /// where no surface would gain.
+    /// For a job that asks for it and can be done so: `bpt`, or `nee` with one light for each vertex, independent numbers and
+    /// nothing but a picture, in a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None`
+    /// for all others, and where no surface would gain.
     pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
+        let kind = KINDS.iter().find(|kind| kind.name == job.integrator.name)?;
         let plain = job.accel.lanes
-            && job.integrator.name == nee::ROW.name
             && job.sampler.name == sampler::INDEPENDENT.name
             && job.layers.is_empty()
             && job.timing.is_none()
@@ -123,7 +134,7 @@ impl Streams {
         if !plain || accel.isa() != Isa::Avx2 {
             return None;
         }
-        Table::of(scene).map(|table| Streams { table })
+        Table::of(scene, kind.joined).map(|table| Streams { step: kind.step, table })
     }
 
     /// Some samples of all pixels of row `y`, each handed over with its column and index in the order of the loops.
@@ -151,13 +162,7 @@ impl Streams {
         done: &mut impl FnMut(u32, u64, Vec3),
     ) {
         tile.records.clear();
-        for (x, sample) in named.iter() {
-            let mut sampler = (job.sampler.start)(job.seed, [*x, y], *sample);
-            let ray = context.camera.sample_ray([*x, y], &mut sampler);
-            if let Sampler::Independent(numbers) = &sampler {
-                tile.records.push(Record::of_camera(ray, numbers));
-            }
-        }
+        start::begin(job, context.camera, y, named, &mut tile.records);
         tile.values.clear();
         tile.values.resize(tile.records.len(), Vec3::ZERO);
         self.paths(context, named, y, tile);
@@ -180,7 +185,7 @@ impl Streams {
                     lists[class].push(path);
                 } else if brings_nothing(context, depth, hit) {
                     continue;
-                } else if alone(context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
+                } else if self.alone(context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
                     tile.next.push(path);
                 }
             }
@@ -196,6 +201,30 @@ impl Streams {
             std::mem::swap(&mut active, &mut tile.next);
         }
     }
+
+    /// A step of one path by itself; whether it goes on.
+    fn alone(
+        &self,
+        context: &Context,
+        pixel: [u32; 2],
+        depth: u32,
+        hit: Option<Hit>,
+        path: usize,
+        tile: &mut Tile,
+    ) -> bool {
+        let record = &mut tile.records[path];
+        let mut state = record.state();
+        let mut sampler = Sampler::Independent(record.numbers());
+        let value = &mut tile.values[path];
+        let mut sink = |c: Contribution| *value += c.value;
+        let goes_on = (self.step)(&mut state, context, pixel, &mut sampler, &mut sink, depth, hit);
+        if let Sampler::Independent(numbers) = &sampler
+            && goes_on
+        {
+            record.put(&state, numbers.taken());
+        }
+        goes_on
+    }
 }
 
 /// Whether a step would end the path without any light: known without making it.
@@ -207,18 +236,20 @@ fn brings_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
     }
 }
 
-/// A step of one path by itself; whether it goes on.
-fn alone(context: &Context, pixel: [u32; 2], depth: u32, hit: Option<Hit>, path: usize, tile: &mut Tile) -> bool {
-    let record = &mut tile.records[path];
-    let mut state = record.state();
-    let mut sampler = Sampler::Independent(record.numbers());
-    let value = &mut tile.values[path];
-    let mut sink = |c: Contribution| *value += c.value;
-    let goes_on = state.step(context, pixel, &mut sampler, &mut sink, depth, hit);
-    if let Sampler::Independent(numbers) = &sampler
-        && goes_on
-    {
-        record.put(&state, numbers.taken());
-    }
-    goes_on
+/// Eight numbers of each lane in a row of its own.
+#[inline(always)]
+fn stored([a, b, c, d, e, f, g, h]: [Reals; 8]) -> [Row; LANES] {
+    let rows = [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()];
+    let [a, b, c, d, e, f, g, h] = transposed(rows.each_ref());
+    [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()]
+}
+
+/// The lanes whose bits are set.
+#[inline(always)]
+fn set(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < LANES).then_some(lane)
+    })
 }

@@ -2,8 +2,9 @@
 
 use glam::Vec3;
 
+use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
-use super::{SPECULAR, Tile, Waiting};
+use super::{SPECULAR, Tile, Waiting, set, stored};
 use crate::math::Frame;
 use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
@@ -51,14 +52,6 @@ fn bsdfs(rows: [&[Row; 3]; LANES], common: &Common) -> Disney<Vectors> {
         coat: Clearcoat { strength: c[0], alpha: c[1] },
         estimate: Estimate { diffuse: c[2], reflection: c[3], rise: c[4] },
     }
-}
-
-/// Eight numbers of each lane in a row of its own.
-#[inline(always)]
-fn stored([a, b, c, d, e, f, g, h]: [Reals; 8]) -> [Row; LANES] {
-    let rows = [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()];
-    let [a, b, c, d, e, f, g, h] = transposed(rows.each_ref());
-    [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()]
 }
 
 /// Three vectors of each lane.
@@ -161,11 +154,11 @@ fn step_of_eight(
     let view = bsdf.view(local);
     let seen = active & surfaces.agree(wo, local.z());
 
-    if common.density {
+    if common.joined {
         let numbers = Independent::next_three(key, taken);
         taken = taken.add(Words::of(3));
         let vertex = Vertex { surfaces: &surfaces, bsdf: &bsdf, view: &view, wo, cos_o: local.z(), seen, throughput };
-        connect(context, &vertex, numbers, lanes, &mut tile.waiting);
+        connect(context, &table.lamps, &vertex, numbers, lanes, &mut tile.waiting);
     }
 
     let [choice, u, v] = Independent::next_three(key, taken);
@@ -197,16 +190,6 @@ fn step_of_eight(
     }
 }
 
-/// The lanes whose bits are set.
-#[inline(always)]
-fn set(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < LANES).then_some(lane)
-    })
-}
-
 /// A vertex of each path that is to be joined to a light.
 struct Vertex<'a> {
     surfaces: &'a Surfaces,
@@ -221,31 +204,27 @@ struct Vertex<'a> {
 
 /// Joins each vertex to a sampled point of a light: as `nee` does, but that the shadow ray waits.
 #[inline(always)]
-fn connect(context: &Context, vertex: &Vertex, numbers: [Reals; 3], lanes: [usize; LANES], waiting: &mut Vec<Waiting>) {
+fn connect(
+    context: &Context,
+    lamps: &Lamps,
+    vertex: &Vertex,
+    numbers: [Reals; 3],
+    lanes: [usize; LANES],
+    waiting: &mut Vec<Waiting>,
+) {
     let zero = Reals::of(0.0);
     let Surfaces { point, frame, .. } = vertex.surfaces;
     let (from, n) = (point.position, point.n_shading);
-    let (choice, u, v) = (numbers[0].store().0, numbers[1].store().0, numbers[2].store().0);
-    let seen = vertex.seen.bits();
-    let (fx, fy, fz) = (from.x().store().0, from.y().store().0, from.z().store().0);
-    // By lane: direction, radiance, density and whether it is a Dirac light; point, normal, and whether it is endless.
-    let (mut light, mut end) = ([Row::default(); LANES], [Row::default(); LANES]);
-    for i in set(seen) {
-        let from = Vec3::new(fx[i], fy[i], fz[i]);
-        if let Some(s) = context.lights.sample_direct(context.scene, from, choice[i], [u[i], v[i]]) {
-            let (w, c, p, n) = (s.wi, s.radiance, s.point.position, s.point.normal);
-            let [delta, endless] = [s.delta, !s.distance.is_finite()].map(|yes| f32::from(u8::from(yes)));
-            light[i] = Row([w.x, w.y, w.z, c.x, c.y, c.z, s.pdf_w, delta]);
-            end[i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, 0.0]);
-        }
+    let Direct { wi, radiance, density, delta, at, normal, endless } =
+        lamps.direct(context, from, numbers, vertex.seen);
+    let arrives = vertex.seen & density.gt(zero);
+    if !arrives.any() {
+        return;
     }
-    let [x, y, z, r, g, b, density, delta] = transposed(light.each_ref());
-    let [px, py, pz, nx, ny, nz, far, _] = transposed(end.each_ref());
-    let (wi, radiance) = (Vectors::new(x, y, z), Vectors::new(r, g, b));
     let cos_i = wi.dot(n);
     let same = (vertex.cos_o * cos_i).gt(zero);
     let (mut f, [mut pdf_w, _]) = vertex.bsdf.evaluate_round::<false>(vertex.view, vertex.wo, wi, n, cos_i);
-    let through = vertex.seen & !same;
+    let through = arrives & !same;
     if through.any() && vertex.bsdf.refractive.gt(zero).any() {
         let (other, [other_w, _]) = vertex.bsdf.evaluate::<false>(vertex.view, frame.to_local(wi), Mode::Radiance);
         (f, pdf_w) = (Vectors::select(same, f, other), Reals::select(same, pdf_w, other_w));
@@ -253,21 +232,19 @@ fn connect(context: &Context, vertex: &Vertex, numbers: [Reals; 3], lanes: [usiz
         (f, pdf_w) = (Vectors::select(same, f, Vectors::of(Vec3::ZERO)), Reals::select(same, pdf_w, zero));
     }
     let radiance = f * cos_i.abs() * radiance / density;
-    let lit = vertex.seen & density.gt(zero) & vertex.surfaces.agree(wi, cos_i);
+    let lit = arrives & vertex.surfaces.agree(wi, cos_i);
     let lit = lit & !radiance.same(Vectors::of(Vec3::ZERO));
     let weight = match context.settings.mis {
         Some(h) => {
             let weight = density.each_with(pdf_w, |own, other| h.weight(own, other));
-            Reals::select(delta.eq(zero), weight, Reals::of(1.0))
+            Reals::select(delta, Reals::of(1.0), weight)
         }
         None => Reals::of(1.0),
     };
     let value = vertex.throughput * radiance * weight;
-    let (at, n_at) = (Vectors::new(px, py, pz), Vectors::new(nx, ny, nz));
     let edge = at - from;
-    let endless = !far.eq(zero);
     let origin = offset_by_axis(from, towards(point.n_geometric, Vectors::select(endless, wi, edge)));
-    let target = offset_by_axis(at, towards(n_at, -edge));
+    let target = offset_by_axis(at, towards(normal, -edge));
     let edge = target - origin;
     let distance = edge.length();
     let dir = Vectors::select(endless, wi, edge / distance);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Tile;
+use super::lamps::Lamps;
 use super::shade;
 use crate::math::lanes::Row;
 use crate::scene::CompiledScene;
@@ -24,6 +25,8 @@ pub(super) struct Table {
     pub(super) rows: Vec<[Row; 3]>,
     /// Of every class, what its surfaces have in common.
     common: Vec<Common>,
+    /// The lights to which vertices are joined.
+    pub(super) lamps: Lamps,
 }
 
 /// What the surfaces of a class have in common.
@@ -35,8 +38,8 @@ pub(super) struct Common {
     pub smooth: bool,
     /// Whether there is a tinted reflectance.
     pub tinted: bool,
-    /// Whether any lobe has a density.
-    pub density: bool,
+    /// Whether vertices are joined to lights.
+    pub joined: bool,
     /// Whether the refractive lobe is a Dirac lobe.
     smooth_glass: bool,
     /// Which of the other lobes there are.
@@ -44,14 +47,14 @@ pub(super) struct Common {
 }
 
 impl Common {
-    fn of(d: &Disney, sphere: bool) -> Common {
+    fn of(d: &Disney, sphere: bool, joined: bool) -> Common {
         let weights = [d.opaque, d.metallic, d.refractive, d.coat.strength, d.diffuse.subsurface];
         let [a, b, c, e, f] = weights.map(|w| w > 0.0);
         Common {
             sphere,
             smooth: d.smooth,
             tinted: d.tinted_f0.is_some(),
-            density: d.has_density(),
+            joined: joined && d.has_density(),
             smooth_glass: d.smooth_glass(),
             lobes: [a, b, c, e, f, d.diffuse.sheen != glam::Vec3::ZERO],
         }
@@ -75,8 +78,8 @@ fn known(scene: &CompiledScene, m: &Material) -> Option<Disney> {
 }
 
 impl Table {
-    /// Of a scene; `None` where lanes know none of its surfaces.
-    pub fn of(scene: &CompiledScene) -> Option<Table> {
+    /// Of a scene, for paths whose vertices are joined to lights or not; `None` where lanes know none of its surfaces.
+    pub fn of(scene: &CompiledScene, joined: bool) -> Option<Table> {
         let known: Vec<Option<Disney>> = scene.materials.iter().map(|m| known(scene, m)).collect();
         let mut classes: BTreeMap<Common, u8> = BTreeMap::new();
         let mut class_of = vec![ALONE; scene.primitive_count()];
@@ -88,7 +91,7 @@ impl Table {
             let shines = scene.emitter_of(primitive, NONE) != NONE;
             if let Some(disney) = known[row as usize].as_ref().filter(|_| !shines) {
                 let next = classes.len() as u8;
-                let common = Common::of(disney, i >= scene.triangles.len());
+                let common = Common::of(disney, i >= scene.triangles.len(), joined);
                 if next < ALONE || classes.contains_key(&common) {
                     class_of[i] = *classes.entry(common).or_insert(next);
                     row_of[i] = row;
@@ -99,7 +102,8 @@ impl Table {
         let mut common: Vec<(u8, Common)> = classes.into_iter().map(|(common, class)| (class, common)).collect();
         common.sort_unstable_by_key(|(class, _)| *class);
         let common: Vec<Common> = common.into_iter().map(|(_, common)| common).collect();
-        (!common.is_empty()).then_some(Table { class_of, row_of, rows, common })
+        let lamps = if joined { Lamps::of(scene) } else { Lamps::default() };
+        (!common.is_empty()).then_some(Table { class_of, row_of, rows, common, lamps })
     }
 
     /// How many classes there are.

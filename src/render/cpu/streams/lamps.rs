@@ -1,0 +1,135 @@
+//! Light from sampled points, for the surface points in all lanes.
+
+use glam::Vec3;
+
+use super::set;
+use crate::math::lanes::{LANES, Reals, Row, Vectors, Yes, transposed};
+use crate::math::real::{Mask, Real, Vector};
+use crate::math::warp;
+use crate::scene::CompiledScene;
+use crate::transport::integrator::Context;
+use crate::transport::light::area;
+
+/// The lights that lanes know: triangles that shine alike everywhere. All others are sampled one by one.
+#[derive(Default)]
+pub(super) struct Lamps {
+    /// Of every emitter its corners, area, radiance and a one; zeros where lanes do not know it. The indices of lights
+    /// begin with those of emitters.
+    rows: Vec<[Row; 2]>,
+}
+
+/// In the place of a light that lanes do not know.
+const NOTHING: [Row; 2] = [Row([0.0; LANES]); 2];
+
+/// Light that arrives, in each lane, not yet tested for shadow.
+pub(super) struct Direct {
+    /// Unit direction to the light.
+    pub wi: Vectors,
+    /// Radiance, or irradiance of a Dirac light.
+    pub radiance: Vectors,
+    /// Density per solid angle, the choice of the light included; zero where nothing arrives, and else nothing counts.
+    pub density: Reals,
+    /// Whether no other technique can find this light.
+    pub delta: Yes,
+    /// Position on the light.
+    pub at: Vectors,
+    /// Unit normal there.
+    pub normal: Vectors,
+    /// Whether the light has no place.
+    pub endless: Yes,
+}
+
+impl Lamps {
+    /// The lights of a scene.
+    pub fn of(scene: &CompiledScene) -> Lamps {
+        let row = |i: u32| {
+            let Some(([a, b, c], radiance)) = area::plain_triangle(scene, i) else { return NOTHING };
+            let area = scene.emitters[i as usize].area;
+            [
+                Row([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y]),
+                Row([c.z, area, radiance.x, radiance.y, radiance.z, 1.0, 0.0, 0.0]),
+            ]
+        };
+        Lamps { rows: (0..scene.emitters.len() as u32).map(row).collect() }
+    }
+
+    /// Whether lanes know the light with this row.
+    #[inline]
+    fn knows(row: &[Row; 2]) -> bool {
+        row[1].0[5] > 0.0
+    }
+
+    /// Light that arrives at points from a light that these numbers choose, and from a point on it, in the lanes that want
+    /// any: as `Lights::sample_direct` finds it.
+    #[inline(always)]
+    pub fn direct(&self, context: &Context, from: Vectors, [choice, u, v]: [Reals; 3], wanted: Yes) -> Direct {
+        let choices = choice.store().0;
+        let (mut rows, mut chances) = ([&NOTHING; LANES], Row::default());
+        let (mut lights, mut alone) = ([0; LANES], 0);
+        for i in set(wanted.bits()) {
+            if let Some((light, chance)) = context.lights.choose(choices[i]) {
+                chances.0[i] = chance;
+                lights[i] = light;
+                match self.rows.get(light as usize).filter(|row| Lamps::knows(row)) {
+                    Some(row) => rows[i] = row,
+                    None => alone |= 1 << i,
+                }
+            }
+        }
+        let a = transposed(rows.map(|r| &r[0]));
+        let b = transposed(rows.map(|r| &r[1]));
+        let corners = [Vectors::new(a[0], a[1], a[2]), Vectors::new(a[3], a[4], a[5]), Vectors::new(a[6], a[7], b[0])];
+        let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u, v]));
+        let (wi, _, density) = area::seen(from, at, normal, b[1]);
+        let radiance = Vectors::new(b[2], b[3], b[4]);
+        let (delta, endless) = (Yes::of(false), Yes::of(false));
+        let mut direct = Direct { wi, radiance, density, delta, at, normal, endless };
+        if alone != 0 {
+            let from = [from.x().store().0, from.y().store().0, from.z().store().0];
+            let [light, end] = singles(context, alone, lights, from, [u.store().0, v.store().0]);
+            direct = direct.or(b[5].gt(Reals::of(0.0)), transposed(light.each_ref()), transposed(end.each_ref()));
+        }
+        Direct { density: direct.density * Reals::load(&chances), ..direct }
+    }
+}
+
+impl Direct {
+    /// This where the mask is set, else what [`singles`] found.
+    #[inline(always)]
+    fn or(self, known: Yes, light: [Reals; 8], end: [Reals; 8]) -> Direct {
+        let zero = Reals::of(0.0);
+        let [x, y, z, r, g, b, density, delta] = light;
+        let [px, py, pz, nx, ny, nz, endless, _] = end;
+        Direct {
+            wi: Vectors::select(known, self.wi, Vectors::new(x, y, z)),
+            radiance: Vectors::select(known, self.radiance, Vectors::new(r, g, b)),
+            density: Reals::select(known, self.density, density),
+            delta: !known & delta.gt(zero),
+            at: Vectors::select(known, self.at, Vectors::new(px, py, pz)),
+            normal: Vectors::select(known, self.normal, Vectors::new(nx, ny, nz)),
+            endless: !known & endless.gt(zero),
+        }
+    }
+}
+
+/// Light from sampled points in the lanes whose bits are set, one by one: rows of direction, radiance, density without the
+/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, and whether it has no place.
+fn singles(
+    context: &Context,
+    lanes: u32,
+    lights: [u32; LANES],
+    from: [[f32; LANES]; 3],
+    u: [[f32; LANES]; 2],
+) -> [[Row; LANES]; 2] {
+    let mut found = [[Row::default(); LANES]; 2];
+    for i in set(lanes) {
+        let from = Vec3::new(from[0][i], from[1][i], from[2][i]);
+        if let Some(s) = context.lights.sample_direct_from(context.scene, lights[i], from, [u[0][i], u[1][i]]) {
+            let (w, c, p, n) = (s.wi, s.radiance, s.point.position, s.point.normal);
+            let [delta, endless] = [s.delta, !s.distance.is_finite()].map(|yes| f32::from(u8::from(yes)));
+            found[0][i] = Row([w.x, w.y, w.z, c.x, c.y, c.z, s.pdf_w, delta]);
+            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, 0.0]);
+        }
+    }
+    found
+}
