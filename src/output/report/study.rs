@@ -200,11 +200,11 @@ impl<'a> Study<'a> {
             by,
             facet_axes,
         };
+        study.agree_on_metrics(first);
         let single = options.by.iter().filter(|axis| study.values(axis).len() < 2);
         let alone: Vec<String> =
             single.map(|axis| format!("`{axis}` has a single value, so there is nothing to compare by it")).collect();
         study.notes.extend(alone);
-        study.agree_on_metrics(first);
         study.sort();
         Ok(study)
     }

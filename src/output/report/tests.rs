@@ -455,6 +455,7 @@ fn axes_that_move_with_the_one_drawn_over_tell_nothing_apart() {
     // Two places are a line, and one is none: of the kinds, only one has two.
     let made = report(&[zipped()], &by("kind"));
     assert_eq!(lines(&made), 4 + 4);
+    assert_eq!(made.notes, Vec::<String>::new());
     let made = report(&[zipped()], &by("leaves"));
     assert_eq!(lines(&made), 4);
     assert!(made.notes.contains(&"over `bins` nothing is told apart by `leaves`, which changes with it".to_owned()));
