@@ -3,6 +3,7 @@
 //! The same input gives the same bytes on every machine: no clock, no system font, no order of a hash map. Metadata
 //! comes from the caller as pairs of key and value and goes inside every file that has room for it.
 
+mod bound;
 pub mod devices;
 pub mod exr;
 mod labels;

@@ -47,9 +47,9 @@ pub fn draw(figure: &Figure) -> String {
         drawing.text((MARGIN, y), TITLE, Anchor::Start, &line);
         y += 5.0;
     }
-    if !figure.subtitle.is_empty() {
+    for line in wrap(&figure.subtitle, SMALL.size, width - 2.0 * MARGIN).iter().filter(|line| !line.is_empty()) {
         y += SMALL.size + 2.0;
-        drawing.text((MARGIN, y), SMALL, Anchor::Start, &figure.subtitle);
+        drawing.text((MARGIN, y), SMALL, Anchor::Start, line);
     }
     y += 14.0;
 

@@ -14,10 +14,12 @@ pub(super) mod svg;
 mod sweep;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::slice::from_ref;
 
 pub use raster::rasterize;
 pub use sheet::sheets;
 
+use super::bound::{change, follows};
 use super::devices::{DEVICE, Devices};
 use super::labels;
 use super::report::curve::{Band, BandKind, Curve as Repeat, band};
@@ -39,7 +41,7 @@ type Pairs = Vec<(String, String)>;
 /// One picture's data.
 struct Figure {
     title: String,
-    /// One line below the title, empty if there is nothing to say.
+    /// What stands small below the title, empty if there is nothing to say.
     subtitle: String,
     description: String,
     x_label: String,
@@ -106,7 +108,8 @@ pub struct FigureFiles {
 /// Errors have a logarithmic axis; a metric with a best value of 1, such as SSIM, is drawn as 1 − value, bias without its
 /// sign; PSNR has a linear axis. Values without a place on their axis (zero, negative, NaN) are left out. Curves with the same value of
 /// `by` look alike in all figures of the specification. Over an axis of the sweep other values than metrics have a
-/// logarithmic axis where they span more than a factor of ten.
+/// logarithmic axis where they span more than a factor of ten; what follows from it, as axes that are zipped with it do, tells no
+/// lines apart, and is named below the title.
 ///
 /// Times of several devices never share an axis: each device that `devices` names then has figures of its own, as if it
 /// were one more facet.
@@ -122,7 +125,7 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: 
         })
         .filter(|(_, r)| matches!(spec.kind, FigureKind::Convergence { .. }) || is_finished(plan, r))
         .collect();
-    let by = curve_axes(plan, spec);
+    let Apart { by, facet: facet_axes, bound, remarks } = apart(plan, spec);
     let mut styles: Vec<Pairs> = Vec::new();
     // Of every facet the measured cells, each with the number of its look.
     let mut facets: Vec<(Pairs, Vec<(usize, usize)>)> = Vec::new();
@@ -135,7 +138,7 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: 
         if !measured.contains_key(&cell) {
             continue;
         }
-        let mut facet = pairs(plan, &spec.facet, cell);
+        let mut facet = pairs(plan, &facet_axes, cell);
         if timed {
             facet.push((DEVICE.to_owned(), devices.of(cell).to_owned()));
         }
@@ -156,26 +159,58 @@ pub fn figures(plan: &Plan, spec: &FigureSpec, results: &[CellResult], devices: 
                     let csv = csv(plan, &figure);
                     (figure, csv)
                 }
-                FigureKind::Sweep { over, y } => sweep::figure(&night, over, y),
+                FigureKind::Sweep { over, y } => sweep::figure(&night, over, y, &bound, &remarks),
             };
             FigureFiles { stem, svg: layout::draw(&figure), csv }
         })
         .collect()
 }
 
-/// The axes that distinguish curves: `by`, or else all that vary and are no facet.
-fn curve_axes(plan: &Plan, spec: &FigureSpec) -> Vec<String> {
+/// What a figure tells apart.
+struct Apart {
+    /// The axes that distinguish curves: `by`, or else all that vary and are no facet.
+    by: Vec<String>,
+    /// The axes that distinguish pictures.
+    facet: Vec<String>,
+    /// Of a sweep, the axes that neither do, because they follow from the horizontal axis and from what was asked for.
+    bound: Vec<String>,
+    /// What is to be said of axes that tell nothing apart.
+    remarks: Vec<String>,
+}
+
+fn apart(plan: &Plan, spec: &FigureSpec) -> Apart {
+    let (mut by, mut facet) = (spec.by.clone(), spec.facet.clone());
+    let (mut bound, mut remarks) = (Vec::new(), Vec::new());
+    if let FigureKind::Sweep { over, .. } = &spec.kind {
+        let shown: Vec<usize> = (0..plan.cells.len())
+            .filter(|i| plan.cells[*i].control.is_none() && spec.shows(&plan.cells[*i].point))
+            .collect();
+        let single = |axis: &&String| follows(shown.iter().map(|cell| ((), labels::axis_value(plan, *cell, axis))));
+        let follow = |from: &[String], axis: &String| {
+            follows(shown.iter().map(|cell| (pairs(plan, from, *cell), labels::axis_value(plan, *cell, axis))))
+        };
+        remarks.extend([over].into_iter().chain(&by).filter(single).map(|axis| format!("{axis} has a single value")));
+        // Where each value of what was asked for has a single place, there would be no lines.
+        let tied = |axis: &String| !single(&axis) && follow(from_ref(over), axis) && follow(from_ref(axis), over);
+        by = by.filter(|axis| !tied(axis));
+        facet.retain(|axis| !tied(axis));
+        let fixed: Vec<String> = [over].into_iter().chain(&facet).chain(&by).cloned().collect();
+        let free = plan.axes.iter().filter(|axis| !fixed.contains(axis) && !single(axis));
+        bound = free.filter(|axis| follow(&fixed, axis)).cloned().collect();
+        let along: Vec<String> = bound.iter().filter(|axis| follow(from_ref(over), axis)).cloned().collect();
+        remarks.extend(change(&along).map(|change| format!("{change} with {over}")));
+    }
     let varies = |axis: &&String| {
         let first = labels::axis_value(plan, 0, axis);
         (0..plan.cells.len()).any(|cell| labels::axis_value(plan, cell, axis) != first)
     };
-    match &spec.by {
-        Some(by) => vec![by.clone()],
-        None => {
-            let over = |axis: &&String| !matches!(&spec.kind, FigureKind::Sweep { over, .. } if over == *axis);
-            plan.axes.iter().filter(|a| !spec.facet.contains(a)).filter(over).filter(varies).cloned().collect()
-        }
-    }
+    let over = |axis: &&String| !matches!(&spec.kind, FigureKind::Sweep { over, .. } if over == *axis);
+    let free = |axis: &&String| !facet.contains(axis) && !bound.contains(axis);
+    let by = match by {
+        Some(by) => vec![by],
+        None => plan.axes.iter().filter(free).filter(over).filter(varies).cloned().collect(),
+    };
+    Apart { by, facet, bound, remarks }
 }
 
 /// The values of some axes at a cell.
@@ -243,7 +278,10 @@ impl Gathered<'_> {
         looks.sort_unstable();
         looks.dedup();
         let facet: Vec<String> = self.facet.iter().map(|(axis, value)| format!("{axis} = {value}")).collect();
-        let entry = |look: &usize| (legend_text(self.plan, &self.styles[*look], self.cells, *look), style(*look));
+        let entry = |look: &usize| {
+            let text = legend_text(self.plan, &self.styles[*look], self.cells, *look);
+            (!text.is_empty()).then(|| (text, style(*look)))
+        };
         Figure {
             title: std::iter::once(self.plan.name.clone())
                 .chain((!facet.is_empty()).then(|| facet.join(", ")))
@@ -254,7 +292,7 @@ impl Gathered<'_> {
             x_label,
             across,
             panels,
-            legend: looks.iter().map(entry).collect(),
+            legend: looks.iter().filter_map(entry).collect(),
         }
     }
 
@@ -344,7 +382,8 @@ fn x_of(x: FigureX, row: &WaveRow) -> f64 {
     }
 }
 
-/// What the legend says of a curve: `depth = 5`, or `bpt (backward path tracing)` where the axis is the integrator.
+/// What the legend says of a curve: `depth = 5`, or `bpt (backward path tracing)` where the axis is the integrator. Empty
+/// where nothing tells curves apart and their cells have several integrators.
 fn legend_text(plan: &Plan, curve: &[(String, String)], cells: &[(usize, usize)], look: usize) -> String {
     let with_long_name = |short: &str| match labels::integrator_long_name(short) {
         Some(long) => format!("{short} ({long})"),
@@ -354,8 +393,9 @@ fn legend_text(plan: &Plan, curve: &[(String, String)], cells: &[(usize, usize)]
         if labels::is_integrator_axis(plan, axis) { with_long_name(value) } else { format!("{axis} = {value}") }
     };
     if curve.is_empty() {
-        let cell = cells.iter().find(|(_, l)| *l == look).map(|(cell, _)| *cell);
-        return cell.map_or(String::new(), |cell| with_long_name(&plan.cells[cell].config.integrator));
+        let mut all = cells.iter().filter(|(_, l)| *l == look).map(|(cell, _)| &plan.cells[*cell].config.integrator);
+        let first = all.next().filter(|first| all.all(|other| other == *first));
+        return first.map_or(String::new(), |integrator| with_long_name(integrator));
     }
     curve.iter().map(part).collect::<Vec<_>>().join(", ")
 }

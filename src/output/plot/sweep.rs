@@ -1,4 +1,5 @@
-//! Figures over an axis of the sweep: what finished runs have in the end, a line for each combination of the other axes.
+//! Figures over an axis of the sweep: what finished runs have in the end, a line for each combination of the other axes but
+//! those that follow from it.
 
 use super::axis::Scale;
 use super::style::style;
@@ -13,7 +14,7 @@ use crate::value::Value;
 /// The runs of one line: at each place on the horizontal axis the cells of its repeats.
 struct Line {
     look: usize,
-    /// What they have in common: their point without the horizontal axis.
+    /// What they have in common: their point without the horizontal axis and what is bound to it.
     rest: Point,
     places: Vec<(usize, Vec<usize>)>,
 }
@@ -23,12 +24,21 @@ struct Mark {
     place: usize,
     spread: Spread,
     runs: usize,
+    /// The first cell.
+    cell: usize,
 }
 
-/// The picture of these cells over the values of an axis, and its data as comma-separated values.
-pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure, String) {
+/// The picture of these cells over the values of an axis, and its data as comma-separated values. Axes of `bound` tell no
+/// lines apart; `remarks` stand below the title.
+pub(super) fn figure(
+    night: &Gathered,
+    over: &str,
+    y: &[TableValue],
+    bound: &[String],
+    remarks: &[String],
+) -> (Figure, String) {
     let values = values(night, over);
-    let lines = lines(night, over, &values);
+    let lines = lines(night, over, bound, &values);
     let numbers: Option<Vec<f64>> = values.iter().map(|v| v.as_f64().filter(|x| x.is_finite())).collect();
     let across = match &numbers {
         Some(numbers) => {
@@ -49,7 +59,7 @@ pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure,
         let mut curves = Vec::new();
         for (line, marks) in lines.iter().zip(marks) {
             for mark in &marks {
-                csv += &row(night, (over, &values[mark.place]), value, &line.rest, mark);
+                csv += &row(night, &values[mark.place], value, mark);
             }
             let shared = lines.iter().filter(|other| other.look == line.look).count() > 1;
             let kind = BandKind::of(marks.iter().map(|mark| mark.runs).min().unwrap_or(0));
@@ -92,7 +102,9 @@ pub(super) fn figure(night: &Gathered, over: &str, y: &[TableValue]) -> (Figure,
         // One run at each point is no line of its own.
         _ => String::new(),
     };
-    (night.figure(panels, subtitle, over.to_owned(), across), csv)
+    let said: Vec<&str> =
+        remarks.iter().map(String::as_str).chain([subtitle.as_str()]).filter(|s| !s.is_empty()).collect();
+    (night.figure(panels, said.join("; "), over.to_owned(), across), csv)
 }
 
 /// The values of the horizontal axis that anything was measured at, in the order of the plan.
@@ -106,11 +118,11 @@ fn values(night: &Gathered, over: &str) -> Vec<Value> {
     values
 }
 
-fn lines(night: &Gathered, over: &str, values: &[Value]) -> Vec<Line> {
+fn lines(night: &Gathered, over: &str, bound: &[String], values: &[Value]) -> Vec<Line> {
     let mut lines: Vec<Line> = Vec::new();
     for (cell, look) in night.cells {
         let point = &night.plan.cells[*cell].point;
-        let rest: Point = point.iter().filter(|(axis, _)| axis != over).cloned().collect();
+        let rest: Point = point.iter().filter(|(axis, _)| axis != over && !bound.contains(axis)).cloned().collect();
         let own = labels::axis_value(night.plan, *cell, over);
         let Some(place) = values.iter().position(|value| Some(value) == own) else { continue };
         let line = lines.iter().position(|line| line.rest == rest).unwrap_or_else(|| {
@@ -136,25 +148,22 @@ fn marks(night: &Gathered, value: &TableValue, lines: &[Line]) -> Option<(Scale,
         Sample::Value(x) => Some(shown.map_or(Some(x).filter(|x| x.is_finite()), |shown| shown.value(x))),
         Sample::NeverIn(_) => Some(None),
     };
-    let read = |cells: &Vec<usize>| -> Vec<f64> {
+    let read = |(place, cells): &(usize, Vec<usize>)| -> (usize, usize, Vec<f64>) {
         let all: Option<Vec<f64>> = cells.iter().filter_map(read).collect();
-        all.unwrap_or_default()
+        (*place, cells[0], all.unwrap_or_default())
     };
-    let all: Vec<Vec<(usize, Vec<f64>)>> =
-        lines.iter().map(|line| line.places.iter().map(|(place, cells)| (*place, read(cells))).collect()).collect();
-    let drawn = all.iter().flatten().flat_map(|(_, values)| values.iter().copied());
+    let all: Vec<Vec<_>> = lines.iter().map(|line| line.places.iter().map(read).collect()).collect();
+    let drawn = all.iter().flatten().flat_map(|(_, _, values)| values.iter().copied());
     let scale = shown.map_or_else(|| Scale::fitting(drawn), |shown| shown.scale);
-    let mark = |(place, values): &(usize, Vec<f64>)| {
-        Some(Mark { place: *place, spread: Spread::of(scale, values)?, runs: values.len() })
+    let mark = |(place, cell, values): &(usize, usize, Vec<f64>)| {
+        Some(Mark { place: *place, spread: Spread::of(scale, values)?, runs: values.len(), cell: *cell })
     };
     Some((scale, all.iter().map(|line| line.iter().filter_map(mark).collect()).collect()))
 }
 
-fn row(night: &Gathered, (over, x): (&str, &Value), value: &TableValue, rest: &Point, mark: &Mark) -> String {
-    let axis = |axis: &String| {
-        let own = if axis == over { Some(x) } else { rest.iter().find(|(name, _)| name == axis).map(|(_, v)| v) };
-        own.map(ToString::to_string).unwrap_or_default()
-    };
+fn row(night: &Gathered, x: &Value, value: &TableValue, mark: &Mark) -> String {
+    let axis =
+        |axis: &String| labels::axis_value(night.plan, mark.cell, axis).map(ToString::to_string).unwrap_or_default();
     let mut fields: Vec<String> = night.plan.axes.iter().map(axis).collect();
     let Spread { mean, ends: (low, high) } = mark.spread;
     let end = |end: f64| if mark.runs > 1 { labels::exact(end) } else { String::new() };

@@ -4,6 +4,7 @@ use super::*;
 use crate::experiment::Outcome;
 use crate::experiment::spec::TableValue;
 use crate::output::fixture::{done, ended, numbers, plan, words};
+use crate::value::Value;
 
 fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
@@ -320,4 +321,65 @@ fn clocks_over_an_axis_are_apart_for_each_device() {
     let count = |y: TableValue| figures(&plan, &over("depth", &[y], Some("scene"), &[]), &results, &devices).len();
     assert_eq!(count(TableValue::MpathsPerS), 2);
     assert_eq!(count(TableValue::AccelCost), 1);
+}
+
+/// Four places: depths, and with each a radius of its own; the first two and the last two have a filter in common. Two techniques.
+fn zipped() -> (Plan, Vec<CellResult>) {
+    let mut plan = plan(&[("technique", words(&["bpt", "nee"])), ("depth", numbers(&[2.0, 3.0, 4.0, 5.0]))], 1);
+    plan.axes.extend(["radius", "filter"].map(str::to_owned));
+    for (i, cell) in plan.cells.iter_mut().enumerate() {
+        cell.point.push(("radius".to_owned(), Value::number(0.5 * (i % 4) as f64)));
+        cell.point.push(("filter".to_owned(), Value::from(["box", "gauss"][i % 4 / 2])));
+        let integrator = if i < 4 { "bpt" } else { "nee" }.to_owned();
+        cell.config = std::sync::Arc::new(crate::experiment::CellConfig { integrator, ..(*cell.config).clone() });
+    }
+    let results = (0..plan.cells.len()).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+    (plan, results)
+}
+
+#[test]
+fn axes_that_move_with_the_horizontal_one_tell_no_lines_apart() {
+    let (plan, results) = zipped();
+    let y = [TableValue::RenderS];
+    let of = |spec: FigureSpec| drawn(&plan, &spec, &results);
+    let lines = |figure: &FigureFiles| count(&figure.svg, "<polyline");
+    let made = of(over("depth", &y, None, &[]));
+    // A line and a sample in the legend for each technique, where every place had a line of its own.
+    assert_eq!((made.len(), lines(&made[0])), (1, 2 + 2));
+    for text in ["radius and filter change with depth", "bpt (backward path tracing)"] {
+        assert!(made[0].svg.contains(&format!(">{text}</text>")), "{text}");
+    }
+    let third: Vec<String> = fields(&made[0])[2].clone();
+    assert_eq!(third[..6], ["bpt", "4", "1", "gauss", "render_s", "4"].map(str::to_owned));
+    // What has several places for each value tells lines apart when asked to; what has one does not, be it asked.
+    let filters = of(over("depth", &y, Some("filter"), &["technique"]));
+    assert_eq!((filters.len(), lines(&filters[0])), (2, 2 + 2));
+    assert!(filters[0].svg.contains(">radius changes with depth</text>"));
+    let radii = of(over("depth", &y, Some("radius"), &["technique"]));
+    assert_eq!((radii.len(), lines(&radii[0])), (2, 1 + 1));
+    assert_eq!(of(over("depth", &y, None, &["radius"])).len(), 1);
+    assert_eq!(of(over("depth", &y, None, &["filter"])).len(), 2);
+    // Over the filter, depths and radii differ at one place and are lines.
+    assert!(!of(over("filter", &y, None, &["technique"]))[0].svg.contains("change"));
+    // In one picture of one technique nothing tells its only line apart from another.
+    let one = FigureSpec { only: vec![("technique".to_owned(), words(&["nee"]))], ..over("depth", &y, None, &[]) };
+    assert_eq!(lines(&of(one)[0]), 1 + 1);
+}
+
+#[test]
+fn a_line_over_techniques_is_called_after_none() {
+    let (plan, results) = zipped();
+    let one = FigureSpec {
+        only: vec![("depth".to_owned(), numbers(&[3.0]))],
+        ..over("technique", &[TableValue::RenderS], Some("filter"), &[])
+    };
+    let svg = drawn(&plan, &one, &results).remove(0).svg;
+    assert!(svg.contains(">filter has a single value</text>"), "{svg}");
+    let mut only = plan;
+    only.cells.retain(|cell| cell.point[1].1 == Value::number(3.0));
+    let results: Vec<CellResult> = (0..2).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+    let svg = drawn(&only, &over("technique", &[TableValue::RenderS], None, &[]), &results).remove(0).svg;
+    assert_eq!((count(&svg, "<polyline"), svg.contains("path tracing")), (1, false));
+    let svg = drawn(&only, &over("depth", &[TableValue::RenderS], None, &[]), &results).remove(0).svg;
+    assert!(svg.contains(">depth has a single value</text>"), "{svg}");
 }

@@ -102,7 +102,7 @@ pub fn build(study: &Study, options: &Options, around: &Surroundings) -> Result<
             items.extend(convergence::figures(study, metric, x));
         }
     }
-    items.extend(sweep::all(study, options)?);
+    items.extend(sweep::all(study, options, &mut notes)?);
     items.extend(crops::all(study, options, around.pictures, &mut notes)?);
     items.extend(films::all(study, around.pictures, &mut notes)?);
     items.extend(times::all(study, around.pictures, &mut notes)?);

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::ReportError;
 use crate::experiment::evidence::{Night, Run};
 use crate::metrics::MetricSpec;
+use crate::output::bound;
 use crate::output::labels;
 use crate::output::plot::axis::Scale;
 
@@ -200,6 +201,10 @@ impl<'a> Study<'a> {
             facet_axes,
         };
         study.agree_on_metrics(first);
+        let single = options.by.iter().filter(|axis| study.values(axis).len() < 2);
+        let alone: Vec<String> =
+            single.map(|axis| format!("`{axis}` has a single value, so there is nothing to compare by it")).collect();
+        study.notes.extend(alone);
         study.sort();
         Ok(study)
     }
@@ -245,6 +250,11 @@ impl<'a> Study<'a> {
         values
     }
 
+    /// Whether the value of `axis` follows from that of `from` in all runs, as those of zipped axes do.
+    pub fn follows(&self, axis: &str, from: &str) -> bool {
+        bound::follows(self.all().map(|m| (m.run.value(from), m.run.value(axis))))
+    }
+
     /// Keeps the metrics that every night defines as the first does.
     fn agree_on_metrics(&mut self, first: &Night) {
         for metric in &first.metrics {
@@ -265,6 +275,8 @@ impl<'a> Study<'a> {
         let chosen: Vec<bool> = self.by.iter().map(|axis| self.is_integrator_axis(axis)).collect();
         for (n, night) in self.nights.iter().enumerate() {
             let several_devices = night.devices().len() > 1;
+            let mut others = night.runs.iter().skip(1);
+            let mixed = others.any(|run| run.integrator != night.runs[0].integrator);
             for (r, run) in night.runs.iter().enumerate() {
                 let part = |(axis, integrator): (&String, &bool)| {
                     let value = run.value(axis)?;
@@ -281,7 +293,11 @@ impl<'a> Study<'a> {
                 }
                 group.dedup();
                 let long = if parts.len() == 1 { labels::integrator_long_name(&parts[0]) } else { None };
-                let label = if parts.is_empty() { run.integrator.clone() } else { parts.join(", ") };
+                let label = match parts.as_slice() {
+                    [] if mixed => "all techniques".to_owned(),
+                    [] => run.integrator.clone(),
+                    parts => parts.join(", "),
+                };
                 let series = Series { label, group: group.join(", "), device, long };
                 let facet: Vec<String> =
                     self.facet_axes.iter().map(|axis| run.value(axis).unwrap_or_else(|| "–".to_owned())).collect();

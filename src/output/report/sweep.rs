@@ -7,6 +7,7 @@ use super::item::{Item, Kind};
 use super::pgfplots::Drawn;
 use super::study::{Member, Options, Shown, Study};
 use crate::experiment::spec::TableValue;
+use crate::output::bound;
 use crate::output::labels;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::quantity;
@@ -29,6 +30,8 @@ struct Over<'a> {
     values: Vec<String>,
     /// The values as numbers, if all are; otherwise each stands at its number from zero.
     numbers: Option<Vec<f64>>,
+    /// Axes that follow from it, and so tell nothing apart along it.
+    bound: Vec<String>,
 }
 
 impl Over<'_> {
@@ -51,11 +54,11 @@ impl Over<'_> {
 }
 
 /// The figures over every axis that was asked for, or else over all with enough different numbers. Hierarchies are drawn
-/// where they differ along the axis.
+/// where they differ along the axis. Of an axis that was asked for and shows nothing, a note says why.
 ///
 /// # Errors
 /// When an axis was asked for that is not there.
-pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
+pub fn all(study: &Study, options: &Options, notes: &mut Vec<String>) -> Result<Vec<Item>, ReportError> {
     let axes = study.axes();
     if let Some(missing) = options.sweep.iter().find(|axis| !axes.contains(axis)) {
         return Err(ReportError::NoAxis { axis: missing.clone(), known: axes.join(", ") });
@@ -64,27 +67,48 @@ pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
     for name in &axes {
         let values = study.values(name);
         let numbers: Option<Vec<f64>> = values.iter().map(|v| v.parse().ok().filter(|x: &f64| x.is_finite())).collect();
-        let asked = options.sweep.contains(name) && values.len() > 1;
+        let asked = options.sweep.contains(name);
         let unasked = options.sweep.is_empty() && numbers.is_some() && values.len() >= FEWEST;
-        if !asked && !unasked {
-            continue;
-        }
-        let over = Over { name, values, numbers };
-        let without = |axes: &[String]| -> Vec<String> { axes.iter().filter(|axis| *axis != name).cloned().collect() };
-        let (mut by, mut facet) = (without(&study.by), without(&study.facet_axes));
-        if by.is_empty() {
-            by.extend(facet.pop());
-        }
-        let apart = study.regrouped(by, facet);
-        let metrics = (0..study.metrics.len()).map(Quantity::Metric);
-        let built = [TableValue::AccelBuildS, TableValue::AccelNodes, TableValue::AccelMib, TableValue::AccelCost];
-        let built = if hierarchies_differ(&apart) { &built[..] } else { &[] };
-        let plain = [TableValue::MpathsPerS].iter().chain(built).cloned().map(Quantity::Plain);
-        for quantity in metrics.chain(plain) {
-            items.extend(figures(&apart, &over, &quantity));
+        if asked && values.len() < 2 {
+            notes.push(format!("nothing is drawn over `{name}`: it has a single value"));
+        } else if asked || unasked {
+            let bound = axes.iter().filter(|axis| *axis != name && study.values(axis).len() > 1);
+            let bound = bound.filter(|axis| study.follows(axis, name)).cloned().collect();
+            let made = over(study, options, &Over { name, values, numbers, bound }, notes);
+            if asked && made.is_empty() {
+                notes.push(format!("nothing is drawn over `{name}`: no two of its values have finished runs to join"));
+            }
+            items.extend(made);
         }
     }
     Ok(items)
+}
+
+/// The figures over one axis.
+fn over(study: &Study, options: &Options, over: &Over, notes: &mut Vec<String>) -> Vec<Item> {
+    // What was asked for tells lines and panels apart, unless each of its values had a single place.
+    let mut without = |axes: &[String], asked: bool| -> Vec<String> {
+        let mut kept: Vec<String> = axes.iter().filter(|axis| *axis != over.name).cloned().collect();
+        kept.retain(|axis| {
+            let bound = over.bound.contains(axis) && (!asked || study.follows(over.name, axis));
+            if bound && asked {
+                notes.push(format!("over `{}` nothing is told apart by `{axis}`, which changes with it", over.name));
+            }
+            !bound
+        });
+        kept
+    };
+    let mut by = without(&study.by, !options.by.is_empty());
+    let mut facet = without(&study.facet_axes, options.facet.is_some());
+    if by.is_empty() {
+        by.extend(facet.pop());
+    }
+    let apart = study.regrouped(by, facet);
+    let metrics = (0..study.metrics.len()).map(Quantity::Metric);
+    let built = [TableValue::AccelBuildS, TableValue::AccelNodes, TableValue::AccelMib, TableValue::AccelCost];
+    let built = if hierarchies_differ(&apart) { &built[..] } else { &[] };
+    let plain = [TableValue::MpathsPerS].iter().chain(built).cloned().map(Quantity::Plain);
+    metrics.chain(plain).flat_map(|quantity| figures(&apart, over, &quantity)).collect()
 }
 
 /// Whether a series has more than one hierarchy in some facet.
@@ -145,7 +169,8 @@ fn item(
         }
     };
     let title = format!("{label} over {}", over.name);
-    let mut caption = format!("{what}, over {}.", over.name);
+    let change = bound::change(&over.bound).map_or_else(String::new, |change| format!(", with which {change}"));
+    let mut caption = format!("{what}, over {}{change}.", over.name);
     let bands = || panels.iter().flat_map(|p| &p.lines).filter_map(|line| line.band.as_ref());
     let mean = if scale == Scale::Log { "Geometric mean" } else { "Mean" };
     let repeated = study.all().any(|m| m.run.repeat > 0);

@@ -427,5 +427,69 @@ fn names_are_drawn_over_when_asked_for_and_stand_upright_where_they_are_long() {
     let unknown = Options { sweep: vec!["scenes".to_owned()], ..Options::default() };
     let nights = [night("Sample GPU", 1.0)];
     let study = Study::new(&nights, &unknown).unwrap();
-    assert!(sweep::all(&study, &unknown).unwrap_err().to_string().contains("axes: scene, technique"));
+    assert!(sweep::all(&study, &unknown, &mut Vec::new()).unwrap_err().to_string().contains("axes: scene, technique"));
+}
+
+/// The night over bins with two axes more: a number of leaves for each of the bins, and a kind that two of them share.
+fn zipped() -> Night {
+    let mut night = swept();
+    night.axes.extend(["leaves", "kind"].map(str::to_owned));
+    for run in &mut night.runs {
+        let bins = run.value("bins").unwrap();
+        run.point.push(("leaves".to_owned(), Value::from(format!("{bins} leaves").as_str())));
+        run.point.push(("kind".to_owned(), Value::from(if bins == "2" { "few" } else { "many" })));
+    }
+    night
+}
+
+#[test]
+fn axes_that_move_with_the_one_drawn_over_tell_nothing_apart() {
+    let stem = "figures/sweep-bins-accel_build_s";
+    let lines = |report: &Report| item(report, stem).svg.as_deref().unwrap().matches("fill-opacity=\"0.16\"").count();
+    let made = report(&[zipped()], &Options::default());
+    assert_eq!(lines(&made), 4, "as without them");
+    let caption = &item(&made, stem).caption;
+    assert!(caption.contains(", over bins, with which leaves and kind change. "), "{caption}");
+    assert!(!made.notes.iter().any(|note| note.contains("over `")), "{:?}", made.notes);
+    let by = |axis: &str| Options { by: vec![axis.to_owned()], ..Options::default() };
+    // Two places are a line, and one is none: of the kinds, only one has two.
+    let made = report(&[zipped()], &by("kind"));
+    assert_eq!(lines(&made), 4 + 4);
+    assert_eq!(made.notes, Vec::<String>::new());
+    let made = report(&[zipped()], &by("leaves"));
+    assert_eq!(lines(&made), 4);
+    assert!(made.notes.contains(&"over `bins` nothing is told apart by `leaves`, which changes with it".to_owned()));
+    let sweep = |axis: &str| Options { sweep: vec![axis.to_owned()], ..Options::default() };
+    let made = report(&[zipped()], &sweep("leaves"));
+    assert!(item(&made, "figures/sweep-leaves-rmse").caption.contains(", with which bins and kind change."));
+}
+
+#[test]
+fn an_axis_that_was_asked_for_in_vain_is_a_note() {
+    let options = Options { by: vec!["scene".to_owned()], sweep: vec!["scene".to_owned()], ..Options::default() };
+    let mut one = night("Sample GPU", 1.0);
+    one.runs.retain(|run| run.scene == "box.scn");
+    let made = report(&[one], &options);
+    for note in [
+        "`scene` has a single value, so there is nothing to compare by it",
+        "nothing is drawn over `scene`: it has a single value",
+    ] {
+        assert!(made.notes.iter().any(|n| n == note), "{note}: {:?}", made.notes);
+    }
+    let mut unfinished = night("Sample GPU", 1.0);
+    unfinished.runs.iter_mut().filter(|run| run.scene == "box.scn").for_each(|run| run.state = State::Unfinished);
+    let made = report(&[unfinished], &Options { sweep: vec!["scene".to_owned()], ..Options::default() });
+    assert!(made.notes.iter().any(|n| n.starts_with("nothing is drawn over `scene`: no two")), "{:?}", made.notes);
+}
+
+#[test]
+fn techniques_are_drawn_over_as_one_line() {
+    let mut one = night("Sample GPU", 1.0);
+    one.runs.retain(|run| run.scene == "box.scn");
+    one.runs.iter_mut().for_each(|run| drop(run.point.remove(0)));
+    one.axes.remove(0);
+    let made = report(&[one], &Options { sweep: vec!["technique".to_owned()], ..Options::default() });
+    let svg = item(&made, "figures/sweep-technique-rmse").svg.as_deref().unwrap();
+    assert_eq!(svg.matches("fill-opacity=\"0.16\"").count(), 1, "{svg}");
+    assert!(!svg.contains(">bpt ("), "{svg}");
 }

@@ -43,7 +43,7 @@ pub const FIGURE: Table = Table {
             key: "by",
             ty: Ty::Str,
             required: false,
-            default: "one curve for each cell; over an axis, for each combination of the others",
+            default: "one curve for each cell; over an axis, for each combination of the others that do not move with it",
             doc: "the axis that distinguishes curves",
         },
         Field {
