@@ -7,7 +7,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-use super::real::{Mask, Real, Vector, Word};
+use super::real::{Double, Mask, Real, Vector, Word};
 
 /// How many lanes.
 pub const LANES: usize = 8;
@@ -23,6 +23,10 @@ pub struct Yes(__m256);
 /// Eight words.
 #[derive(Clone, Copy, Debug)]
 pub struct Words(__m256i);
+
+/// Eight numbers of double precision: the first four lanes, and the others.
+#[derive(Clone, Copy, Debug)]
+pub struct Doubles(__m256d, __m256d);
 
 /// Eight vectors of three numbers.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +75,27 @@ impl Yes {
     }
 }
 
+impl Doubles {
+    /// From memory.
+    #[inline(always)]
+    pub fn load(numbers: &[f64; LANES]) -> Doubles {
+        // SAFETY: eight numbers lie there; callers have AVX2, as the module demands.
+        unsafe { Doubles(_mm256_loadu_pd(numbers.as_ptr()), _mm256_loadu_pd(numbers.as_ptr().add(4))) }
+    }
+
+    /// To memory.
+    #[inline(always)]
+    pub fn store(self) -> [f64; LANES] {
+        let mut numbers = [0.0; LANES];
+        // SAFETY: as in `load`.
+        unsafe {
+            _mm256_storeu_pd(numbers.as_mut_ptr(), self.0);
+            _mm256_storeu_pd(numbers.as_mut_ptr().add(4), self.1);
+        }
+        numbers
+    }
+}
+
 #[inline(always)]
 fn load(row: &Row) -> __m256 {
     Reals::load(row).0
@@ -111,6 +136,22 @@ macro_rules! operators {
 
 operators!(Reals: Add add _mm256_add_ps, Reals: Sub sub _mm256_sub_ps, Reals: Mul mul _mm256_mul_ps,
            Reals: Div div _mm256_div_ps, Yes: BitAnd bitand _mm256_and_ps, Yes: BitOr bitor _mm256_or_ps);
+
+/// Defines operators of two vectors of doubles by one instruction for each half.
+macro_rules! by_halves {
+    ($($trait:ident $name:ident $instruction:ident),*) => {$(
+        impl $trait for Doubles {
+            type Output = Doubles;
+            #[inline(always)]
+            fn $name(self, other: Doubles) -> Doubles {
+                // SAFETY: callers have AVX2, as the module demands.
+                unsafe { Doubles($instruction(self.0, other.0), $instruction(self.1, other.1)) }
+            }
+        }
+    )*};
+}
+
+by_halves!(Add add _mm256_add_pd, Mul mul _mm256_mul_pd, Div div _mm256_div_pd);
 
 impl Neg for Reals {
     type Output = Reals;
@@ -171,6 +212,7 @@ impl Real for Reals {
     type Mask = Yes;
     type Word = Words;
     type Vec3 = Vectors;
+    type Double = Doubles;
 
     methods! {
         of(x: f32) -> Reals = _mm256_set1_ps(x);
@@ -240,6 +282,54 @@ impl Real for Reals {
     fn truncated(self) -> Words {
         // SAFETY: see `sqrt`.
         Words(unsafe { _mm256_cvttps_epi32(self.0) })
+    }
+    #[inline(always)]
+    fn double(self) -> Doubles {
+        // SAFETY: see `sqrt`.
+        unsafe {
+            let (first, last) = (_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            Doubles(_mm256_cvtps_pd(first), _mm256_cvtps_pd(last))
+        }
+    }
+}
+
+impl Double for Doubles {
+    type Real = Reals;
+
+    #[inline(always)]
+    fn of(x: f64) -> Doubles {
+        // SAFETY: callers have AVX2, as the module demands; so for all below.
+        let all = unsafe { _mm256_set1_pd(x) };
+        Doubles(all, all)
+    }
+    #[inline(always)]
+    fn single(self) -> Reals {
+        // SAFETY: see `of`.
+        Reals(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(self.1), _mm256_cvtpd_ps(self.0)) })
+    }
+    #[inline(always)]
+    fn gt(self, other: Doubles) -> Yes {
+        // SAFETY: see `of`.
+        unsafe {
+            let first = _mm256_castpd_ps(_mm256_cmp_pd::<_CMP_GT_OQ>(self.0, other.0));
+            let last = _mm256_castpd_ps(_mm256_cmp_pd::<_CMP_GT_OQ>(self.1, other.1));
+            // Half of each lane says all of it; the shuffle leaves pairs of the two in turn.
+            let halves = _mm256_castps_pd(_mm256_shuffle_ps::<0x88>(first, last));
+            Yes(_mm256_castpd_ps(_mm256_permute4x64_pd::<0xd8>(halves)))
+        }
+    }
+    #[inline(always)]
+    fn select(mask: Yes, yes: Doubles, no: Doubles) -> Doubles {
+        // SAFETY: see `of`.
+        unsafe {
+            let mask = _mm256_castps_si256(mask.0);
+            let first = _mm256_cvtepi32_epi64(_mm256_castsi256_si128(mask));
+            let last = _mm256_cvtepi32_epi64(_mm256_extracti128_si256::<1>(mask));
+            Doubles(
+                _mm256_blendv_pd(no.0, yes.0, _mm256_castsi256_pd(first)),
+                _mm256_blendv_pd(no.1, yes.1, _mm256_castsi256_pd(last)),
+            )
+        }
     }
 }
 
@@ -421,6 +511,34 @@ mod tests {
             });
             check("each", &pair, a.each(f32::exp), &|a, _| f32::exp(a));
             check("each with", &pair, a.each_with(b, f32::powf), &f32::powf);
+        }
+    }
+
+    #[test]
+    fn doubles_are_in_every_lane_what_they_are_alone() {
+        if !std::arch::is_x86_feature_detected!("avx2") {
+            return;
+        }
+        let check = |name: &str, wide: [f64; LANES], one: [f64; LANES]| {
+            for (a, b) in wide.into_iter().zip(one) {
+                assert!(a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()), "{name}: {a} is not {b}");
+            }
+        };
+        for (first, second) in pairs() {
+            let (a, b) = (Reals::load(&first).double(), Reals::load(&second).double());
+            let (x, y) = (first.0.map(f64::from), second.0.map(f64::from));
+            let both = |f: fn(f64, f64) -> f64| std::array::from_fn::<f64, LANES, _>(|i| f(x[i], y[i]));
+            check("the same number", a.store(), x);
+            check("sum", (a + b).store(), both(|a, b| a + b));
+            check("product", (a * b).store(), both(|a, b| a * b));
+            check("quotient", (a / b).store(), both(|a, b| a / b));
+            let third = Doubles::of(1.0) / Doubles::of(3.0);
+            let single = (a * third).single().store().0.map(f64::from);
+            check("single", single, x.map(|a| f64::from((a * (1.0 / 3.0)) as f32)));
+            check("greater", Doubles::select(a.gt(b), a, b).store(), both(|a, b| if a > b { a } else { b }));
+            let more = Reals::select(a.gt(b), Reals::of(1.0), Reals::of(0.0)).store().0.map(f64::from);
+            check("mask", more, both(|a, b| f64::from(u8::from(a > b))));
+            check("memory", Doubles::load(&x).store(), x);
         }
     }
 

@@ -22,6 +22,8 @@ pub trait Real:
     type Word: Word<Real = Self>;
     /// As many vectors.
     type Vec3: Vector<Scalar = Self>;
+    /// As many numbers of double precision.
+    type Double: Double<Real = Self>;
 
     /// The same number in every lane.
     fn of(x: f32) -> Self;
@@ -68,6 +70,23 @@ pub trait Real:
     fn bits(self) -> Self::Word;
     /// The whole part of numbers within the range of 32 bits with sign.
     fn truncated(self) -> Self::Word;
+    /// The same number in double precision.
+    fn double(self) -> Self::Double;
+}
+
+/// Numbers of double precision.
+pub trait Double: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
+    /// Numbers of as many lanes.
+    type Real: Real<Double = Self>;
+
+    /// The same number in every lane.
+    fn of(x: f64) -> Self;
+    /// The nearest number of single precision.
+    fn single(self) -> Self::Real;
+    /// Where it is greater.
+    fn gt(self, other: Self) -> <Self::Real as Real>::Mask;
+    /// `yes` where the mask is set, else `no`.
+    fn select(mask: <Self::Real as Real>::Mask, yes: Self, no: Self) -> Self;
 }
 
 /// Yes or no in every lane.
@@ -272,6 +291,7 @@ impl Real for f32 {
     type Mask = bool;
     type Word = u32;
     type Vec3 = Vec3;
+    type Double = f64;
 
     #[inline(always)]
     fn of(x: f32) -> f32 {
@@ -336,6 +356,31 @@ impl Real for f32 {
     #[inline(always)]
     fn truncated(self) -> u32 {
         self as i32 as u32
+    }
+    #[inline(always)]
+    fn double(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Double for f64 {
+    type Real = f32;
+
+    #[inline(always)]
+    fn of(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn single(self) -> f32 {
+        self as f32
+    }
+    #[inline(always)]
+    fn gt(self, other: f64) -> bool {
+        self > other
+    }
+    #[inline(always)]
+    fn select(mask: bool, yes: f64, no: f64) -> f64 {
+        if mask { yes } else { no }
     }
 }
 

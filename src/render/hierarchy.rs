@@ -164,8 +164,8 @@ pub const ACCEL: Table = Table {
             ty: Ty::Bool,
             required: false,
             default: "false",
-            doc: "cpu: shade eight paths at once in the lanes of vectors, to the same bits, where that is built (bpt and nee, so \
-                  far); not unless asked for, since times then compare how techniques are programmed. References always do",
+            doc: "cpu: shade eight paths at once in the lanes of vectors, to the same bits, where that is \
+                  built; not unless asked for, since times then compare how techniques are programmed. References always do",
         },
     ],
 };

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::math::real::{Double, Mask, Real};
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
@@ -43,19 +44,25 @@ impl Heuristic {
     }
 
     /// The term of a density, or of a ratio of densities: the term of a product is the product of the terms.
-    #[inline]
-    pub fn term(self, p: f64) -> f64 {
+    #[inline(always)]
+    pub fn term<D: Double>(self, p: D) -> D {
         match self {
             Heuristic::Power => p * p,
             Heuristic::Balance => p,
-            Heuristic::Uniform => f64::from(u8::from(p > 0.0)),
+            Heuristic::Uniform => D::select(p.gt(D::of(0.0)), D::of(1.0), D::of(0.0)),
         }
     }
 
     /// The weight of a strategy of density `own` beside one other of density `other` in the same measure.
-    #[inline]
-    pub fn weight(self, own: f32, other: f32) -> f32 {
-        if own > 0.0 { (1.0 / (1.0 + self.term(f64::from(other) / f64::from(own)))) as f32 } else { 0.0 }
+    #[inline(always)]
+    pub fn weight<R: Real>(self, own: R, other: R) -> R {
+        let zero = R::of(0.0);
+        let some = own.gt(zero);
+        if !some.any() {
+            return zero;
+        }
+        let one = R::Double::of(1.0);
+        R::select(some, (one / (one + self.term(other.double() / own.double()))).single(), zero)
     }
 }
 

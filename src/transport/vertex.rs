@@ -8,11 +8,22 @@ use crate::math::real::{Real, Vector};
 
 /// What turns a density per solid angle at `from` into one per area at `to`, where the unit normal is `n_to`:
 /// `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero where the two coincide.
-#[inline]
-pub fn area_factor(from: Vec3, to: Vec3, n_to: Vec3) -> f32 {
+#[inline(always)]
+pub fn area_factor<V: Vector>(from: V, to: V, n_to: V) -> V::Scalar {
+    let zero = V::Scalar::of(0.0);
     let edge = to - from;
     let d2 = edge.length_squared();
-    if d2 > 0.0 { edge.dot(n_to).abs() / (d2 * d2.sqrt()) } else { 0.0 }
+    V::Scalar::select(d2.gt(zero), edge.dot(n_to).abs() / (d2 * d2.sqrt()), zero)
+}
+
+/// The [`area_factor`]s of both directions of an edge: from `from` at `to`, and from `to` at `from`. Neither is a number
+/// where the two coincide.
+#[inline(always)]
+pub fn area_factors<V: Vector>([from, n_from]: [V; 2], [to, n_to]: [V; 2]) -> [V::Scalar; 2] {
+    let edge = to - from;
+    let d2 = edge.length_squared();
+    let scale = V::Scalar::of(1.0) / (d2 * d2.sqrt());
+    [edge.dot(n_to).abs() * scale, edge.dot(n_from).abs() * scale]
 }
 
 /// Whether nothing lies between two points of surfaces.

@@ -10,7 +10,7 @@
 use super::source::{code_only, rust_files, text, words};
 
 /// Names that mean any number of lanes, or eight.
-const LANES: [&str; 8] = ["Real", "Word", "Vector", "Mask", "Reals", "Words", "Vectors", "Yes"];
+const LANES: [&str; 10] = ["Real", "Word", "Vector", "Mask", "Double", "Reals", "Words", "Vectors", "Yes", "Doubles"];
 
 /// The rooms in which these names mean that.
 const ROOMS: [&str; 3] = ["src/math", "src/transport", "src/render/cpu/streams"];

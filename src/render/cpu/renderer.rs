@@ -224,16 +224,28 @@ impl Renderer for CpuRenderer {
                 timing: job.timing.as_ref(),
             };
             let mut stats = RowStats::default();
+            let mut buffer = idle().pop().unwrap_or_default();
             if let Some(streams) = streams {
-                streams.row(&context, job, y, first..first + samples, |x, sample, value| {
-                    if !add(value, &mut sum[x as usize], &mut sum2[x as usize]) {
+                streams.row(&context, job, y, first..first + samples, |x, sample, elsewhere, value| {
+                    let fine = match elsewhere {
+                        None => add(value, &mut sum[x as usize], &mut sum2[x as usize]),
+                        Some([column, row]) => {
+                            let at = row as usize * width as usize + column as usize;
+                            value == Vec3::ZERO || column < width && row < height && buffer.push(at, value.to_array())
+                        }
+                    };
+                    let mut invalid = u64::from(!fine);
+                    if buffer.is_full() {
+                        invalid += buffer.flush(sums());
+                    }
+                    if invalid > 0 {
                         let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
-                        stats = stats.merge(RowStats { rays: 0, invalid: 1, first_invalid });
+                        stats = stats.merge(RowStats { rays: 0, invalid, first_invalid });
                     }
                 });
+                idle().push(buffer);
                 return RowStats { rays: trace.rays.get(), ..stats };
             }
-            let mut buffer = idle().pop().unwrap_or_default();
             let mut tally = apart.layers.zip(spec).map(|(row, spec)| Tally::new(spec, row));
             let mut by_time = apart.times.zip(landing).map(|(row, landing)| Gathering::new(landing, row));
             for x in 0..width {

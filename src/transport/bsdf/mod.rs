@@ -135,13 +135,13 @@ pub struct BsdfSample {
 
 /// A value with the densities of both directions in which a path may run through it; Dirac lobes are left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BsdfValue {
+pub struct BsdfValue<V: Vector = Vec3> {
     /// As [`Bsdf::eval`].
-    pub f: Vec3,
+    pub f: V,
     /// Density per solid angle of `wi` given `wo`, as [`Bsdf::pdf_w`].
-    pub pdf_w: f32,
+    pub pdf_w: V::Scalar,
     /// Density per solid angle of `wo` given `wi`.
-    pub reverse_pdf_w: f32,
+    pub reverse_pdf_w: V::Scalar,
 }
 
 impl BsdfValue {
@@ -415,16 +415,19 @@ impl Bsdf {
         (self.agrees(wo, o.z) && self.lets_in(wi, i.z, o.z, mode)).then_some((o, i))
     }
 
-    /// |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|): light arrives on the real surface, but a camera path weighs it
-    /// with the shading normal's cosine [Veach 1997, equation 5.19].
+    /// [`adjoint`] of this surface.
     #[inline]
     fn adjoint(&self, wo: Vec3, wi: Vec3, cos_o: f32, cos_i: f32) -> f32 {
-        if self.flat {
-            return 1.0;
-        }
-        let factor = (cos_o * wi.dot(self.n_geometric)) / (wo.dot(self.n_geometric) * cos_i);
-        if factor.is_finite() { factor.abs() } else { 0.0 }
+        if self.flat { 1.0 } else { adjoint(self.n_geometric, [wo, wi], [cos_o, cos_i]) }
     }
+}
+
+/// |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|), where the cosines are those with the shading normal n_s: light arrives on
+/// the real surface, but a camera path weighs it with the shading normal's cosine [Veach 1997, equation 5.19].
+#[inline(always)]
+pub fn adjoint<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(n: V, [wo, wi]: [V; 2], [cos_o, cos_i]: [R; 2]) -> R {
+    let factor = (cos_o * wi.dot(n)) / (wo.dot(n) * cos_i);
+    R::select(factor.is_finite(), factor.abs(), R::of(0.0))
 }
 
 /// The local frame: its x axis along the direction of anisotropy, where there is one.

@@ -1,10 +1,10 @@
 //! Pinhole and thin-lens projection.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::FilterSpec;
 use crate::math::real::{Real, Vector};
-use crate::math::warp::{concentric_disk, on_disk};
+use crate::math::warp::on_disk;
 use crate::scene::desc::CameraDesc;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -50,6 +50,23 @@ pub struct CameraConnection {
     pub pdf_w: f32,
 }
 
+/// Where light from points of the scene through points of the lens meets the film, for any number of points.
+#[derive(Clone, Copy, Debug)]
+pub struct Projection<V: Vector> {
+    /// Whether it comes from before the camera; nothing else counts where it does not.
+    pub ahead: <V::Scalar as Real>::Mask,
+    /// Column and row in pixels from the edge; not always on the film.
+    pub place: [V::Scalar; 2],
+    /// As [`CameraConnection::lens`].
+    pub lens: V,
+    /// As [`CameraConnection::dir`].
+    pub dir: V,
+    /// As [`CameraConnection::distance`].
+    pub distance: V::Scalar,
+    /// As [`CameraConnection::pdf_w`].
+    pub pdf_w: V::Scalar,
+}
+
 impl Camera {
     /// A camera from its description. Degenerate ones (looking at itself, or along `up`) get some direction rather
     /// than NaN; loaders refuse them first.
@@ -88,6 +105,11 @@ impl Camera {
         Ray { origin, dir }
     }
 
+    /// The filter of its pixels.
+    pub fn filter(&self) -> FilterSpec {
+        self.filter
+    }
+
     /// Whether rays leave from a disk rather than from a point.
     #[inline]
     pub fn has_lens(&self) -> bool {
@@ -121,11 +143,17 @@ impl Camera {
     /// filter of radius zero, whose pixels are points.
     #[inline]
     pub fn connect(&self, point: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
+        let met = self.land(&self.project(point, lens_u), filter_u)?;
+        Some(CameraConnection { importance: met.importance / (met.distance * met.distance), ..met })
+    }
+
+    /// Where light from points through points of the lens meets the film.
+    #[inline(always)]
+    pub fn project<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, point: V, lens_u: [R; 2]) -> Projection<V> {
         let disk = self.disk(lens_u);
         let to = point - self.on_lens(disk);
         let distance = to.length();
-        let met = self.meet(disk, to / distance, filter_u)?;
-        Some(CameraConnection { distance, importance: met.importance / (distance * distance), ..met })
+        Projection { distance, ..self.meet(disk, to / distance) }
     }
 
     /// Joins a direction from outside the scene to the camera, as [`Camera::connect`] does a point: `dir` is the unit
@@ -133,43 +161,60 @@ impl Camera {
     /// `throughput * importance` is what the light adds, where `throughput` is radiance over its density per solid angle.
     #[inline]
     pub fn connect_direction(&self, dir: Vec3, lens_u: [f32; 2], filter_u: [f32; 2]) -> Option<CameraConnection> {
-        self.meet(self.disk(lens_u), dir, filter_u)
+        self.land(&self.meet(self.disk(lens_u), dir), filter_u)
     }
 
-    #[inline]
-    fn disk(&self, lens_u: [f32; 2]) -> Vec2 {
-        if self.lens_radius > 0.0 { concentric_disk(lens_u) * self.lens_radius } else { Vec2::ZERO }
+    #[inline(always)]
+    fn disk<R: Real>(&self, lens_u: [R; 2]) -> [R; 2] {
+        if !self.has_lens() {
+            return [R::of(0.0); 2];
+        }
+        let [x, y] = on_disk(lens_u);
+        [x * R::of(self.lens_radius), y * R::of(self.lens_radius)]
     }
 
-    #[inline]
-    fn on_lens(&self, disk: Vec2) -> Vec3 {
-        self.position + self.right * disk.x + self.up * disk.y
+    #[inline(always)]
+    fn on_lens<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, [x, y]: [R; 2]) -> V {
+        V::of(self.position) + V::of(self.right) * x + V::of(self.up) * y
     }
 
     /// Where light along `-dir` through a point of the lens meets the film.
-    #[inline]
-    fn meet(&self, disk: Vec2, dir: Vec3, filter_u: [f32; 2]) -> Option<CameraConnection> {
-        let depth = dir.dot(self.forward);
-        if !(depth > 0.0 && dir.is_finite()) {
-            return None;
-        }
+    #[inline(always)]
+    fn meet<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, disk: [R; 2], dir: V) -> Projection<V> {
+        let depth = dir.dot(V::of(self.forward));
         // Where the ray meets the plane of focus, relative to the camera and scaled back to distance one. For a pinhole
         // that plane may be anywhere.
-        let (x, y) = (dir.dot(self.right) / depth, dir.dot(self.up) / depth);
-        let shift = if self.lens_radius > 0.0 { disk / self.focus_distance } else { Vec2::ZERO };
-        let film = [(x + shift.x) / self.half[0], -(y + shift.y) / self.half[1]];
-        let place = [0, 1].map(|i| 0.5 * (film[i] + 1.0) * self.resolution[i]);
-        let (column, weight_x) = self.filter.choose(place[0], self.resolution[0] as u32, filter_u[0])?;
-        let (row, weight_y) = self.filter.choose(place[1], self.resolution[1] as u32, filter_u[1])?;
-        let pdf_w = self.pdf_w(dir);
-        Some(CameraConnection {
-            pixel: [column, row],
+        let (x, y) = (dir.dot(V::of(self.right)) / depth, dir.dot(V::of(self.up)) / depth);
+        let focus = R::of(self.focus_distance);
+        let shift = if self.has_lens() { [disk[0] / focus, disk[1] / focus] } else { [R::of(0.0); 2] };
+        let [half_x, half_y] = self.half.map(R::of);
+        let [width, height] = self.resolution.map(R::of);
+        let (half, one) = (R::of(0.5), R::of(1.0));
+        Projection {
+            ahead: depth.gt(R::of(0.0)) & dir.is_finite(),
+            place: [half * ((x + shift[0]) / half_x + one) * width, half * (-(y + shift[1]) / half_y + one) * height],
             lens: self.on_lens(disk),
             dir,
-            distance: f32::INFINITY,
-            importance: weight_x * weight_y * pdf_w,
-            pdf_w,
-        })
+            distance: R::of(f32::INFINITY),
+            pdf_w: self.pdf_w(dir),
+        }
+    }
+
+    /// The pixel that light counts for which meets the film there, and what it is worth at the lens.
+    #[inline]
+    fn land(&self, at: &Projection<Vec3>, filter_u: [f32; 2]) -> Option<CameraConnection> {
+        let Projection { ahead: true, place, lens, dir, distance, pdf_w } = *at else { return None };
+        let (pixel, weight) = self.choose(place, filter_u)?;
+        Some(CameraConnection { pixel, lens, dir, distance, importance: weight * pdf_w, pdf_w })
+    }
+
+    /// The pixel that a [place](Projection::place) of the film counts for, chosen by `filter_u`, and the weight of that
+    /// choice; `None` where none wants it.
+    #[inline]
+    pub fn choose(&self, place: [f32; 2], filter_u: [f32; 2]) -> Option<([u32; 2], f32)> {
+        let (column, weight_x) = self.filter.choose(place[0], self.resolution[0] as u32, filter_u[0])?;
+        let (row, weight_y) = self.filter.choose(place[1], self.resolution[1] as u32, filter_u[1])?;
+        Some(([column, row], weight_x * weight_y))
     }
 
     /// Width and height of the picture in pixels.
@@ -185,13 +230,15 @@ impl Camera {
     /// ripples about this from pixel to pixel and runs out softly at the border; since every technique uses this same
     /// number, weights of multiple importance sampling still sum to one. Zero away from the scene, and for a filter
     /// without density, so that no weight counts on a technique that cannot work.
-    #[inline]
-    pub fn pdf_w(&self, dir: Vec3) -> f32 {
-        let cos = dir.dot(self.forward);
-        if cos <= 0.0 || self.filter.reach() <= 0.0 {
-            return 0.0;
+    #[inline(always)]
+    pub fn pdf_w<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, dir: V) -> R {
+        let zero = R::of(0.0);
+        if self.filter.reach() <= 0.0 {
+            return zero;
         }
-        1.0 / (4.0 * self.half[0] * self.half[1] * cos * cos * cos)
+        let cos = dir.dot(V::of(self.forward));
+        let density = R::of(1.0) / (R::of(4.0 * self.half[0] * self.half[1]) * cos * cos * cos);
+        R::select(cos.le(zero), zero, density)
     }
 }
 

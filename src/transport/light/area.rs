@@ -76,8 +76,15 @@ pub(super) fn sample_direct(scene: &CompiledScene, i: u32, from: Vec3, u: [f32; 
 /// Density per solid angle at `from` of a point uniform over the area; zero behind it.
 #[inline]
 pub(super) fn pdf_direct_w(scene: &CompiledScene, i: u32, from: Vec3, at: Vec3, normal: Vec3) -> f32 {
+    direct_w(from, at, normal, scene.emitters[i as usize].area)
+}
+
+/// Density per solid angle at `from` of the point `at`, uniform over `area`, where the unit normal is `normal`; zero behind
+/// it; for any number of points.
+#[inline(always)]
+pub fn direct_w<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(from: V, at: V, normal: V, area: R) -> R {
     let to = at - from;
-    density(to, to.length(), normal, scene.emitters[i as usize].area)
+    density(to, to.length(), normal, area)
 }
 
 /// Density per solid angle of a point that is uniform over `area`, seen along `to`; zero from behind, and where it leaves

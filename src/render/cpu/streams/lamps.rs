@@ -2,13 +2,15 @@
 
 use glam::Vec3;
 
-use super::set;
-use crate::math::lanes::{LANES, Reals, Row, Vectors, Yes, transposed};
-use crate::math::real::{Mask, Real, Vector};
+use super::{set, stored};
+use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Yes, transposed};
+use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::warp;
 use crate::scene::CompiledScene;
+use crate::scene::compile::Uv;
 use crate::transport::integrator::Context;
-use crate::transport::light::area;
+use crate::transport::integrator::bdpt::weights::LightEnd;
+use crate::transport::light::{LightPoint, area};
 
 /// The lights that lanes know: triangles that shine alike everywhere. All others are sampled one by one.
 #[derive(Default)]
@@ -37,6 +39,12 @@ pub(super) struct Direct {
     pub normal: Vectors,
     /// Whether the light has no place.
     pub endless: Yes,
+    /// The index of the light, and the probability of its choice.
+    light: [u32; LANES],
+    chance: Reals,
+    /// The area of lights that lanes know; a bit for each lane with another one.
+    area: Reals,
+    alone: u32,
 }
 
 impl Lamps {
@@ -53,24 +61,18 @@ impl Lamps {
         Lamps { rows: (0..scene.emitters.len() as u32).map(row).collect() }
     }
 
-    /// Whether lanes know the light with this row.
-    #[inline]
-    fn knows(row: &[Row; 2]) -> bool {
-        row[1].0[5] > 0.0
-    }
-
     /// Light that arrives at points from a light that these numbers choose, and from a point on it, in the lanes that want
     /// any: as `Lights::sample_direct` finds it.
     #[inline(always)]
     pub fn direct(&self, context: &Context, from: Vectors, [choice, u, v]: [Reals; 3], wanted: Yes) -> Direct {
         let choices = choice.store().0;
         let (mut rows, mut chances) = ([&NOTHING; LANES], Row::default());
-        let (mut lights, mut alone) = ([0; LANES], 0);
+        let (mut light, mut alone) = ([0; LANES], 0);
         for i in set(wanted.bits()) {
-            if let Some((light, chance)) = context.lights.choose(choices[i]) {
+            if let Some((index, chance)) = context.lights.choose(choices[i]) {
                 chances.0[i] = chance;
-                lights[i] = light;
-                match self.rows.get(light as usize).filter(|row| Lamps::knows(row)) {
+                light[i] = index;
+                match self.row(index) {
                     Some(row) => rows[i] = row,
                     None => alone |= 1 << i,
                 }
@@ -83,13 +85,26 @@ impl Lamps {
         let (wi, _, density) = area::seen(from, at, normal, b[1]);
         let radiance = Vectors::new(b[2], b[3], b[4]);
         let (delta, endless) = (Yes::of(false), Yes::of(false));
-        let mut direct = Direct { wi, radiance, density, delta, at, normal, endless };
+        let chance = Reals::load(&chances);
+        let mut direct = Direct { wi, radiance, density, delta, at, normal, endless, light, chance, area: b[1], alone };
         if alone != 0 {
             let from = [from.x().store().0, from.y().store().0, from.z().store().0];
-            let [light, end] = singles(context, alone, lights, from, [u.store().0, v.store().0]);
-            direct = direct.or(b[5].gt(Reals::of(0.0)), transposed(light.each_ref()), transposed(end.each_ref()));
+            let [found, end] = singles(context, alone, light, from, [u.store().0, v.store().0]);
+            direct = direct.or(b[5].gt(Reals::of(0.0)), transposed(found.each_ref()), transposed(end.each_ref()));
         }
-        Direct { density: direct.density * Reals::load(&chances), ..direct }
+        Direct { density: direct.density * chance, ..direct }
+    }
+
+    /// The row of a light that lanes know.
+    #[inline]
+    fn row(&self, light: u32) -> Option<&[Row; 2]> {
+        self.rows.get(light as usize).filter(|row| row[1].0[5] > 0.0)
+    }
+
+    /// The area of a light that lanes know; zero for others.
+    #[inline]
+    pub fn area(&self, light: u32) -> f32 {
+        self.row(light).map_or(0.0, |row| row[1].0[1])
     }
 }
 
@@ -108,8 +123,87 @@ impl Direct {
             at: Vectors::select(known, self.at, Vectors::new(px, py, pz)),
             normal: Vectors::select(known, self.normal, Vectors::new(nx, ny, nz)),
             endless: !known & endless.gt(zero),
+            ..self
         }
     }
+
+    /// What weights of bidirectional paths need of the light, where it is sampled from points with these normals.
+    #[inline(always)]
+    pub fn ends(&self, context: &Context, from: [Vectors; 2]) -> LightEnd<Reals> {
+        let (light, dir) = ([self.at, self.normal], -self.wi);
+        let plain = plain_ends(light, from, dir, [self.chance, self.area]);
+        if self.alone == 0 {
+            return plain;
+        }
+        let zero = Reals::of(0.0);
+        let mut points = [None; LANES];
+        let places =
+            stored([light[0].x(), light[0].y(), light[0].z(), light[1].x(), light[1].y(), light[1].z(), zero, zero]);
+        for i in set(self.alone) {
+            let [x, y, z, a, b, c, ..] = places[i].0;
+            let (position, normal) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
+            points[i] =
+                Some(LightPoint { light: context.lights.id(self.light[i]), position, normal, uv: Uv::default() });
+        }
+        with_singles(context, plain, self.area.gt(zero), &points, from, dir)
+    }
+}
+
+/// What weights of bidirectional paths need of points of plain triangles, given by position and normal, and so the next
+/// vertices; of the directions to those, and of the probability and the area of each light.
+#[inline(always)]
+pub(super) fn plain_ends(
+    light: [Vectors; 2],
+    next: [Vectors; 2],
+    dir: Vectors,
+    [chance, area]: [Reals; 2],
+) -> LightEnd<Reals> {
+    let start_a = chance * (Reals::of(1.0) / area);
+    let dir_w = warp::cosine_hemisphere_pdf_w(light[1].dot(dir));
+    let direct_w = chance * area::direct_w(next[0], light[0], light[1], area);
+    LightEnd::on_surface(light, next, [start_a, dir_w, direct_w])
+}
+
+/// The same where a light is known, and elsewhere what its point, if there is one, says by itself.
+#[inline(always)]
+pub(super) fn with_singles(
+    context: &Context,
+    plain: LightEnd<Reals>,
+    known: Yes,
+    points: &[Option<LightPoint>; LANES],
+    [next, n]: [Vectors; 2],
+    dir: Vectors,
+) -> LightEnd<Reals> {
+    let zero = Reals::of(0.0);
+    let nexts = stored([next.x(), next.y(), next.z(), n.x(), n.y(), n.z(), zero, zero]);
+    let dirs = stored([dir.x(), dir.y(), dir.z(), zero, zero, zero, zero, zero]);
+    let [start, direct, next, back] = single_ends(context, points, &nexts, &dirs);
+    LightEnd {
+        start: Doubles::select(known, plain.start, Doubles::load(&start)),
+        direct: Doubles::select(known, plain.direct, Doubles::load(&direct)),
+        next: Doubles::select(known, plain.next, Doubles::load(&next)),
+        back: Reals::select(known, plain.back, Doubles::load(&back).single()),
+    }
+}
+
+/// [`LightEnd::new`] of each point, its four numbers in rows.
+fn single_ends(
+    context: &Context,
+    points: &[Option<LightPoint>; LANES],
+    nexts: &[Row; LANES],
+    dirs: &[Row; LANES],
+) -> [[f64; LANES]; 4] {
+    let mut found = [[0.0; LANES]; 4];
+    for (i, point) in points.iter().enumerate().filter_map(|(i, p)| Some((i, p.as_ref()?))) {
+        let [x, y, z, a, b, c, ..] = nexts[i].0;
+        let [u, v, w, ..] = dirs[i].0;
+        let end = LightEnd::new(context, point, Vec3::new(u, v, w), Vec3::new(x, y, z), Vec3::new(a, b, c));
+        let LightEnd { start, direct, next, back } = end;
+        for (row, number) in found.iter_mut().zip([start, direct, next, f64::from(back)]) {
+            row[i] = number;
+        }
+    }
+    found
 }
 
 /// Light from sampled points in the lanes whose bits are set, one by one: rows of direction, radiance, density without the

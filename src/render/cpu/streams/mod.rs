@@ -13,6 +13,7 @@
 //! [`nee`]: crate::transport::integrator::nee
 //! [`bpt`]: crate::transport::integrator::bpt
 
+mod joined;
 mod lamps;
 mod shade;
 mod start;
@@ -31,7 +32,7 @@ use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::nee::{self, Last, State, StepFn};
-use crate::transport::integrator::{Context, Settings, bpt};
+use crate::transport::integrator::{Context, Settings, bdpt, bpt};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::{self, Independent, Sampler};
 
@@ -46,19 +47,23 @@ struct Kind {
     name: &'static str,
     /// Whether vertices are joined to lights.
     joined: bool,
-    /// The step of one path by itself.
-    step: StepFn,
+    /// The step of one path by itself; `None` where samples have [two paths](joined).
+    step: Option<StepFn>,
 }
 
 /// Every integrator whose paths can go together.
-const KINDS: [Kind; 2] = [
-    Kind { name: nee::ROW.name, joined: true, step: State::step },
-    Kind { name: bpt::ROW.name, joined: false, step: bpt::step },
+const KINDS: [Kind; 3] = [
+    Kind { name: nee::ROW.name, joined: true, step: Some(State::step) },
+    Kind { name: bpt::ROW.name, joined: false, step: Some(bpt::step) },
+    Kind { name: bdpt::ROW.name, joined: true, step: None },
 ];
+
+/// The column and the index of a sample.
+type Named = (u32, u64);
 
 /// What is known of a scene before its rays are.
 pub struct Streams {
-    step: StepFn,
+    step: Option<StepFn>,
     table: Table,
 }
 
@@ -134,44 +139,64 @@ impl Streams {
         if !plain || accel.isa() != Isa::Avx2 {
             return None;
         }
-        Table::of(scene, kind.joined).map(|table| Streams { step: kind.step, table })
+        let pairs = kind.step.is_none();
+        let table = Table::of(scene, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
+        table.map(|table| Streams { step: kind.step, table })
     }
 
-    /// Some samples of all pixels of row `y`, each handed over with its column and index in the order of the loops.
-    pub fn row(&self, context: &Context, job: &Job, y: u32, samples: Range<u64>, mut done: impl FnMut(u32, u64, Vec3)) {
-        let mut tile = Tile::default();
-        let mut named: Vec<(u32, u64)> = Vec::with_capacity(TILE);
-        for x in 0..job.resolution[0] {
-            for sample in samples.clone() {
-                named.push((x, sample));
-                if named.len() == TILE {
-                    self.tile(context, job, y, &mut named, &mut tile, &mut done);
-                }
-            }
-        }
-        self.tile(context, job, y, &mut named, &mut tile, &mut done);
-    }
-
-    fn tile(
+    /// Some samples of all pixels of row `y`. What they bring is handed over with their column and index: first all that is
+    /// for other pixels, which are named, and then what is for their own, in the order of the loops.
+    pub fn row(
         &self,
         context: &Context,
         job: &Job,
         y: u32,
-        named: &mut Vec<(u32, u64)>,
+        samples: Range<u64>,
+        mut done: impl FnMut(u32, u64, Option<[u32; 2]>, Vec3),
+    ) {
+        let (mut tile, mut pairs) = (Tile::default(), joined::Tile::default());
+        let size = if self.step.is_some() { TILE } else { joined::TILE };
+        let mut named: Vec<Named> = Vec::with_capacity(size);
+        let mut render = |named: &mut Vec<Named>| {
+            match self.step {
+                Some(step) => self.tile(step, context, job, y, named, &mut tile, &mut done),
+                None => joined::tile(&self.table, context, job, y, named, &mut pairs, &mut done),
+            }
+            named.clear();
+        };
+        for x in 0..job.resolution[0] {
+            for sample in samples.clone() {
+                named.push((x, sample));
+                if named.len() == size {
+                    render(&mut named);
+                }
+            }
+        }
+        render(&mut named);
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "a tile is all of them")]
+    fn tile(
+        &self,
+        step: StepFn,
+        context: &Context,
+        job: &Job,
+        y: u32,
+        named: &[Named],
         tile: &mut Tile,
-        done: &mut impl FnMut(u32, u64, Vec3),
+        done: &mut impl FnMut(u32, u64, Option<[u32; 2]>, Vec3),
     ) {
         tile.records.clear();
         start::begin(job, context.camera, y, named, &mut tile.records);
         tile.values.clear();
         tile.values.resize(tile.records.len(), Vec3::ZERO);
-        self.paths(context, named, y, tile);
-        for ((x, sample), value) in named.drain(..).zip(&tile.values) {
-            done(x, sample, *value);
+        self.paths(step, context, named, y, tile);
+        for ((x, sample), value) in named.iter().zip(&tile.values) {
+            done(*x, *sample, None, *value);
         }
     }
 
-    fn paths(&self, context: &Context, named: &[(u32, u64)], y: u32, tile: &mut Tile) {
+    fn paths(&self, step: StepFn, context: &Context, named: &[Named], y: u32, tile: &mut Tile) {
         let mut active: Vec<u32> = (0..tile.records.len() as u32).collect();
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); self.table.classes()];
         for depth in 1..=context.max_depth {
@@ -185,7 +210,7 @@ impl Streams {
                     lists[class].push(path);
                 } else if brings_nothing(context, depth, hit) {
                     continue;
-                } else if self.alone(context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
+                } else if alone(step, context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
                     tile.next.push(path);
                 }
             }
@@ -201,30 +226,30 @@ impl Streams {
             std::mem::swap(&mut active, &mut tile.next);
         }
     }
+}
 
-    /// A step of one path by itself; whether it goes on.
-    fn alone(
-        &self,
-        context: &Context,
-        pixel: [u32; 2],
-        depth: u32,
-        hit: Option<Hit>,
-        path: usize,
-        tile: &mut Tile,
-    ) -> bool {
-        let record = &mut tile.records[path];
-        let mut state = record.state();
-        let mut sampler = Sampler::Independent(record.numbers());
-        let value = &mut tile.values[path];
-        let mut sink = |c: Contribution| *value += c.value;
-        let goes_on = (self.step)(&mut state, context, pixel, &mut sampler, &mut sink, depth, hit);
-        if let Sampler::Independent(numbers) = &sampler
-            && goes_on
-        {
-            record.put(&state, numbers.taken());
-        }
-        goes_on
+/// A step of one path by itself; whether it goes on.
+fn alone(
+    step: StepFn,
+    context: &Context,
+    pixel: [u32; 2],
+    depth: u32,
+    hit: Option<Hit>,
+    path: usize,
+    tile: &mut Tile,
+) -> bool {
+    let record = &mut tile.records[path];
+    let mut state = record.state();
+    let mut sampler = Sampler::Independent(record.numbers());
+    let value = &mut tile.values[path];
+    let mut sink = |c: Contribution| *value += c.value;
+    let goes_on = step(&mut state, context, pixel, &mut sampler, &mut sink, depth, hit);
+    if let Sampler::Independent(numbers) = &sampler
+        && goes_on
+    {
+        record.put(&state, numbers.taken());
     }
+    goes_on
 }
 
 /// Whether a step would end the path without any light: known without making it.

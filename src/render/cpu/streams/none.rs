@@ -19,7 +19,7 @@ impl Streams {
     }
 
     /// Never called.
-    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: impl FnMut(u32, u64, Vec3)) {
+    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: impl FnMut(u32, u64, Option<[u32; 2]>, Vec3)) {
         match *self {}
     }
 }

@@ -10,11 +10,11 @@ use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::scene::CompiledScene;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::Mode;
 use crate::transport::bsdf::clearcoat::Clearcoat;
 use crate::transport::bsdf::diffuse::Diffuse;
 use crate::transport::bsdf::disney::{Disney, Estimate, View};
 use crate::transport::bsdf::ggx::Ggx;
+use crate::transport::bsdf::{BsdfValue, Mode, adjoint};
 use crate::transport::integrator::Context;
 use crate::transport::ray::{Ray, offset_by_axis};
 use crate::transport::sampler::Independent;
@@ -68,7 +68,7 @@ fn three_vectors(of: &[[Vec3; 3]; LANES]) -> [Vectors; 3] {
 
 /// Where rays, given by origin and direction, have met primitives.
 #[inline(always)]
-fn points(
+pub(super) fn points(
     scene: &CompiledScene,
     sphere: bool,
     primitives: [u32; LANES],
@@ -88,21 +88,103 @@ fn points(
     Point::on_triangle(corners, normals, [v, w], dir)
 }
 
-/// Surfaces on which light may be reflected.
-struct Surfaces {
-    point: Point<Vectors>,
-    frame: Frame<Vectors>,
+/// Points of surfaces to which paths have come, with what their BSDFs know of the directions from there.
+pub(super) struct Vertices {
+    pub point: Point<Vectors>,
+    pub frame: Frame<Vectors>,
     /// Whether the shading normal is that of the real surface.
     flat: Yes,
+    pub bsdf: Disney<Vectors>,
+    pub view: View<Vectors>,
+    /// Unit direction to where the path came from.
+    pub wo: Vectors,
+    /// Its cosine with the shading normal.
+    pub cos_o: Reals,
+    /// Whether the surface shows anything towards it.
+    pub seen: Yes,
 }
 
-impl Surfaces {
+impl Vertices {
+    /// On surfaces of one class whose materials have these rows; where `active` is not set nothing is seen.
+    #[inline(always)]
+    pub fn new(point: Point<Vectors>, wo: Vectors, rows: [&[Row; 3]; LANES], common: &Common, active: Yes) -> Vertices {
+        let bsdf = bsdfs(rows, common);
+        let frame = Frame::from_normal(point.n_shading);
+        let local = frame.to_local(wo);
+        let view = bsdf.view(local);
+        let flat = point.n_shading.same(point.n_geometric);
+        let vertices = Vertices { point, frame, flat, bsdf, view, wo, cos_o: local.z(), seen: active };
+        Vertices { seen: active & vertices.agree(wo, local.z()), ..vertices }
+    }
+
     /// As `Bsdf::agrees`, in each lane.
     #[inline(always)]
-    fn agree(&self, w: Vectors, cos: Reals) -> Yes {
+    pub fn agree(&self, w: Vectors, cos: Reals) -> Yes {
         let zero = Reals::of(0.0);
         self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.point.n_geometric) * cos).gt(zero)
     }
+
+    /// The correction of shading normals for light that comes from `wo` and leaves into `wi`.
+    #[inline(always)]
+    pub fn adjoint(&self, wi: Vectors, cos_i: Reals) -> Reals {
+        let factor = adjoint(self.point.n_geometric, [self.wo, wi], [self.cos_o, cos_i]);
+        Reals::select(self.flat, Reals::of(1.0), factor)
+    }
+
+    /// As `Bsdf::evaluate_from` in the lanes that want it, and as `Bsdf::evaluate_forward` without `REVERSE`.
+    #[inline(always)]
+    pub fn evaluate<const REVERSE: bool>(&self, wi: Vectors, mode: Mode, wanted: Yes) -> BsdfValue<Vectors> {
+        let zero = Reals::of(0.0);
+        let black = Vectors::of(Vec3::ZERO);
+        let n = self.point.n_shading;
+        let cos_i = wi.dot(n);
+        let same = (self.cos_o * cos_i).gt(zero);
+        let (mut f, [mut pdf_w, mut reverse]) = self.bsdf.evaluate_round::<REVERSE>(&self.view, self.wo, wi, n, cos_i);
+        let through = wanted & !same;
+        if through.any() && self.bsdf.refractive.gt(zero).any() {
+            let (other, [other_w, back]) = self.bsdf.evaluate::<REVERSE>(&self.view, self.frame.to_local(wi), mode);
+            (f, pdf_w) = (Vectors::select(same, f, other), Reals::select(same, pdf_w, other_w));
+            reverse = Reals::select(same, reverse, back);
+        } else {
+            (f, pdf_w) = (Vectors::select(same, f, black), Reals::select(same, pdf_w, zero));
+            reverse = Reals::select(same, reverse, zero);
+        }
+        if mode == Mode::Importance {
+            f = f * self.adjoint(wi, cos_i);
+        }
+        let lets = wanted & self.seen & self.agree(wi, cos_i);
+        BsdfValue {
+            f: Vectors::select(lets, f, black),
+            pdf_w: Reals::select(lets, pdf_w, zero),
+            reverse_pdf_w: Reals::select(lets, reverse, zero),
+        }
+    }
+}
+
+/// Rays between points of surfaces, given by position and normal; or from them into the directions `wi` where the other end
+/// has no place. In rows: origin, direction, distance.
+#[inline(always)]
+pub(super) fn shadow_rays(
+    [from, n]: [Vectors; 2],
+    [at, n_at]: [Vectors; 2],
+    wi: Vectors,
+    endless: Yes,
+) -> [Row; LANES] {
+    let edge = at - from;
+    let origin = offset_by_axis(from, towards(n, Vectors::select(endless, wi, edge)));
+    let target = offset_by_axis(at, towards(n_at, -edge));
+    let edge = target - origin;
+    let distance = edge.length();
+    let dir = Vectors::select(endless, wi, edge / distance);
+    let distance = Reals::select(endless, Reals::of(f32::INFINITY), distance);
+    stored([origin.x(), origin.y(), origin.z(), dir.x(), dir.y(), dir.z(), distance, Reals::of(0.0)])
+}
+
+/// The ray of a row of [`shadow_rays`], and how far it goes.
+#[inline]
+pub(super) fn shadow_ray(row: &Row) -> (Ray, f32) {
+    let [x, y, z, dx, dy, dz, distance, _] = row.0;
+    (Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(dx, dy, dz) }, distance)
 }
 
 /// The step of paths that have met surfaces of one class; those that go on are named in `tile.next`.
@@ -145,27 +227,20 @@ fn step_of_eight(
     let active = Yes::first(count);
 
     let point = points(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
-    let n = point.n_shading;
-    let surfaces = Surfaces { frame: Frame::from_normal(n), flat: n.same(point.n_geometric), point };
     let rows = primitives.map(|p| &table.rows[table.row_of[p as usize] as usize]);
-    let bsdf = bsdfs(rows, &common);
-    let wo = -dir;
-    let local = surfaces.frame.to_local(wo);
-    let view = bsdf.view(local);
-    let seen = active & surfaces.agree(wo, local.z());
+    let vertices = Vertices::new(point, -dir, rows, &common, active);
 
     if common.joined {
         let numbers = Independent::next_three(key, taken);
         taken = taken.add(Words::of(3));
-        let vertex = Vertex { surfaces: &surfaces, bsdf: &bsdf, view: &view, wo, cos_o: local.z(), seen, throughput };
-        connect(context, &table.lamps, &vertex, numbers, lanes, &mut tile.waiting);
+        connect(context, &table.lamps, &vertices, throughput, numbers, lanes, &mut tile.waiting);
     }
 
     let [choice, u, v] = Independent::next_three(key, taken);
     taken = taken.add(Words::of(3));
-    let (some, s, _) = bsdf.sample::<false>(&view, choice, [u, v], Mode::Radiance);
-    let wi = surfaces.frame.to_world(s.sample.wi);
-    let mut on = seen & some & s.pdf_w.gt(zero) & surfaces.agree(wi, s.sample.wi.z());
+    let (some, s, _) = vertices.bsdf.sample::<false>(&vertices.view, choice, [u, v], Mode::Radiance);
+    let wi = vertices.frame.to_world(s.sample.wi);
+    let mut on = vertices.seen & some & s.pdf_w.gt(zero) & vertices.agree(wi, s.sample.wi.z());
     let mut throughput = throughput * s.sample.weight;
     let eta_scale = state[5] * (s.sample.eta * s.sample.eta);
     if context.rr_start.is_some_and(|start| depth >= start) {
@@ -178,8 +253,8 @@ fn step_of_eight(
     }
     on = on & !throughput.same(Vectors::of(Vec3::ZERO));
     let last = Reals::select(s.delta, Reals::of(SPECULAR), s.pdf_w);
-    let from = surfaces.point.position;
-    let start = offset_by_axis(from, towards(surfaces.point.n_geometric, wi));
+    let from = vertices.point.position;
+    let start = offset_by_axis(from, towards(vertices.point.n_geometric, wi));
     let way = [start.x(), start.y(), start.z(), wi.x(), wi.y(), wi.z(), throughput.x(), throughput.y()];
     let state = [throughput.z(), from.x(), from.y(), from.z(), last, eta_scale, taken.as_bits(), zero];
     let (way, state) = (stored(way), stored(state));
@@ -190,71 +265,38 @@ fn step_of_eight(
     }
 }
 
-/// A vertex of each path that is to be joined to a light.
-struct Vertex<'a> {
-    surfaces: &'a Surfaces,
-    bsdf: &'a Disney<Vectors>,
-    view: &'a View<Vectors>,
-    wo: Vectors,
-    cos_o: Reals,
-    /// Whether the surface shows anything towards the camera's side.
-    seen: Yes,
-    throughput: Vectors,
-}
-
 /// Joins each vertex to a sampled point of a light: as `nee` does, but that the shadow ray waits.
 #[inline(always)]
 fn connect(
     context: &Context,
     lamps: &Lamps,
-    vertex: &Vertex,
+    vertices: &Vertices,
+    throughput: Vectors,
     numbers: [Reals; 3],
     lanes: [usize; LANES],
     waiting: &mut Vec<Waiting>,
 ) {
     let zero = Reals::of(0.0);
-    let Surfaces { point, frame, .. } = vertex.surfaces;
-    let (from, n) = (point.position, point.n_shading);
-    let Direct { wi, radiance, density, delta, at, normal, endless } =
-        lamps.direct(context, from, numbers, vertex.seen);
-    let arrives = vertex.seen & density.gt(zero);
+    let Point { position: from, n_geometric, n_shading } = vertices.point;
+    let direct = lamps.direct(context, from, numbers, vertices.seen);
+    let Direct { wi, radiance, density, .. } = direct;
+    let arrives = vertices.seen & density.gt(zero);
     if !arrives.any() {
         return;
     }
-    let cos_i = wi.dot(n);
-    let same = (vertex.cos_o * cos_i).gt(zero);
-    let (mut f, [mut pdf_w, _]) = vertex.bsdf.evaluate_round::<false>(vertex.view, vertex.wo, wi, n, cos_i);
-    let through = arrives & !same;
-    if through.any() && vertex.bsdf.refractive.gt(zero).any() {
-        let (other, [other_w, _]) = vertex.bsdf.evaluate::<false>(vertex.view, frame.to_local(wi), Mode::Radiance);
-        (f, pdf_w) = (Vectors::select(same, f, other), Reals::select(same, pdf_w, other_w));
-    } else {
-        (f, pdf_w) = (Vectors::select(same, f, Vectors::of(Vec3::ZERO)), Reals::select(same, pdf_w, zero));
-    }
-    let radiance = f * cos_i.abs() * radiance / density;
-    let lit = arrives & vertex.surfaces.agree(wi, cos_i);
-    let lit = lit & !radiance.same(Vectors::of(Vec3::ZERO));
+    let BsdfValue { f, pdf_w, .. } = vertices.evaluate::<false>(wi, Mode::Radiance, arrives);
+    let radiance = f * wi.dot(n_shading).abs() * radiance / density;
+    let lit = arrives & !radiance.same(Vectors::of(Vec3::ZERO));
     let weight = match context.settings.mis {
-        Some(h) => {
-            let weight = density.each_with(pdf_w, |own, other| h.weight(own, other));
-            Reals::select(delta, Reals::of(1.0), weight)
-        }
+        Some(h) => Reals::select(direct.delta, Reals::of(1.0), h.weight(density, pdf_w)),
         None => Reals::of(1.0),
     };
-    let value = vertex.throughput * radiance * weight;
-    let edge = at - from;
-    let origin = offset_by_axis(from, towards(point.n_geometric, Vectors::select(endless, wi, edge)));
-    let target = offset_by_axis(at, towards(normal, -edge));
-    let edge = target - origin;
-    let distance = edge.length();
-    let dir = Vectors::select(endless, wi, edge / distance);
-    let distance = Reals::select(endless, Reals::of(f32::INFINITY), distance);
-    let rays = stored([origin.x(), origin.y(), origin.z(), dir.x(), dir.y(), dir.z(), distance, zero]);
+    let value = throughput * radiance * weight;
+    let rays = shadow_rays([from, n_geometric], [direct.at, direct.normal], wi, direct.endless);
     let values = stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero]);
     for i in set(lit.bits()) {
-        let [x, y, z, dx, dy, dz, distance, _] = rays[i].0;
+        let (ray, distance) = shadow_ray(&rays[i]);
         let [r, g, b, ..] = values[i].0;
-        let ray = Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(dx, dy, dz) };
         waiting.push(Waiting { ray, distance, value: Vec3::new(r, g, b), path: lanes[i] as u32 });
     }
 }

@@ -78,8 +78,9 @@ fn known(scene: &CompiledScene, m: &Material) -> Option<Disney> {
 }
 
 impl Table {
-    /// Of a scene, for paths whose vertices are joined to lights or not; `None` where lanes know none of its surfaces.
-    pub fn of(scene: &CompiledScene, joined: bool) -> Option<Table> {
+    /// Of a scene, for paths whose vertices are joined to lights or not, without surfaces that shine or with those that
+    /// reflect as well; `None` where lanes know none of its surfaces.
+    pub fn of(scene: &CompiledScene, joined: bool, shining: bool) -> Option<Table> {
         let known: Vec<Option<Disney>> = scene.materials.iter().map(|m| known(scene, m)).collect();
         let mut classes: BTreeMap<Common, u8> = BTreeMap::new();
         let mut class_of = vec![ALONE; scene.primitive_count()];
@@ -89,7 +90,8 @@ impl Table {
             let primitive = i as u32;
             let row = scene.material_of(primitive, NONE);
             let shines = scene.emitter_of(primitive, NONE) != NONE;
-            if let Some(disney) = known[row as usize].as_ref().filter(|_| !shines) {
+            let reflects = shining && scene.materials[row as usize].emitter_reflects;
+            if let Some(disney) = known[row as usize].as_ref().filter(|_| !shines || reflects) {
                 let next = classes.len() as u8;
                 let common = Common::of(disney, i >= scene.triangles.len(), joined);
                 if next < ALONE || classes.contains_key(&common) {
@@ -104,6 +106,22 @@ impl Table {
         let common: Vec<Common> = common.into_iter().map(|(_, common)| common).collect();
         let lamps = if joined { Lamps::of(scene) } else { Lamps::default() };
         (!common.is_empty()).then_some(Table { class_of, row_of, rows, common, lamps })
+    }
+
+    /// Whether lanes know every surface that a path can meet and go on: all but lamps that end it.
+    pub fn is_whole(&self, scene: &CompiledScene) -> bool {
+        let world = (0..scene.world_triangles()).chain(scene.triangles.len()..scene.primitive_count());
+        let ends = |primitive: u32| {
+            let material = &scene.materials[scene.material_of(primitive, NONE) as usize];
+            scene.emitter_of(primitive, NONE) != NONE && !material.emitter_reflects
+        };
+        scene.instances.places.is_empty() && world.map(|i| i as u32).all(|i| self.class(i).is_some() || ends(i))
+    }
+
+    /// What the surfaces of a class have in common.
+    #[inline]
+    pub fn common(&self, class: usize) -> Common {
+        self.common[class]
     }
 
     /// How many classes there are.

@@ -2,16 +2,18 @@
 
 use glam::Vec3;
 
-use super::subpath::{Escape, Vertex};
+use super::subpath::{Edge, Escape, Vertex};
 use super::weights::{LightEnd, others_of_ends, others_of_hit, others_of_lens, others_of_next_event, others_of_seen};
 use crate::scene::compile::{NONE, Uv};
 use crate::transport::bsdf::Mode;
 use crate::transport::camera::CameraConnection;
 use crate::transport::flight;
-use crate::transport::integrator::Context;
+use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::{EmissionSample, LightId, LightPoint};
 use crate::transport::mis::Heuristic;
+use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::Sampler;
+use crate::transport::surface::Surface;
 use crate::transport::vertex;
 
 /// Light found by one strategy.
@@ -29,6 +31,14 @@ pub struct Connection {
     pub length: f64,
 }
 
+impl Connection {
+    /// Its weight.
+    #[inline]
+    pub fn weight(&self, settings: &Settings) -> f64 {
+        if settings.raw() { 1.0 } else { 1.0 / (1.0 + self.others) }
+    }
+}
+
 /// `s = 0`: the camera subpath of `t` vertices has met a light.
 #[inline]
 pub fn hit(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connection> {
@@ -41,6 +51,21 @@ pub fn hit(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connec
     let others = others_of_hit(h, &z.chain, &end, t);
     let length = z.stamp.arrived();
     Some(Connection { unweighted: z.throughput * z.emitted, others, point: Some(point), wi: Vec3::ZERO, length })
+}
+
+/// The same where the end of an edge is all that matters of the path's last vertex.
+pub fn met(
+    context: &Context,
+    h: Heuristic,
+    edge: &Edge,
+    ray: &Ray,
+    found: &Hit,
+    throughput: Vec3,
+    t: u32,
+) -> Option<Connection> {
+    let surface = Surface::at(context.scene, ray, found);
+    let (chain, back) = edge.meet(context, h, surface.position, surface.n_geometric)?;
+    hit(context, h, &edge.arrive(context, &surface, Mode::Radiance, throughput, chain, back), t)
 }
 
 /// `s = 0`: the camera subpath has left the scene, and the light outside is its vertex number `t`.
@@ -81,7 +106,7 @@ pub fn next_event(context: &Context, h: Heuristic, z: &Vertex, sampler: &mut Sam
     let end = LightEnd::new(context, &d.point, -d.wi, z.position, z.n_geometric);
     // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
     (end.direct > 0.0).then(|| {
-        let others = others_of_next_event(h, z, &end, &at_z);
+        let others = others_of_next_event(h, &z.side(), &end, &at_z);
         let length = flight::of_direct(context, &z.stamp, &z.bsdf, z.out.wo, z.position, (d.wi, d.distance));
         Connection { unweighted, others, point: Some(d.point), wi: d.wi, length }
     })
@@ -115,7 +140,8 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
     } else {
         0.0
     };
-    let others = others_of_ends(h, [y, z], [&at_y, &at_z], wi, distance2);
+    let to = |v: &Vertex| wi.dot(v.n_geometric).abs() / distance2;
+    let others = others_of_ends(h, [&y.side(), &z.side()], [&at_y, &at_z], [to(y), to(z)]);
     Some(Connection { unweighted, others, point: None, wi, length })
 }
 
@@ -134,7 +160,8 @@ pub fn lens(
     if unweighted == Vec3::ZERO || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO) {
         return None;
     }
-    let others = others_of_lens(h, y, c.lens, &at_y, c.pdf_w);
+    let spread = vertex::area_factor(c.lens, y.position, y.n_geometric);
+    let others = others_of_lens(h, &y.side(), &at_y, [c.pdf_w, spread]);
     let length = context.timing.map_or(0.0, |timing| {
         let last = if timing.camera { timing.medium * c.distance } else { 0.0 };
         f64::from(emitted) + f64::from(last) + y.stamp.of_light(&y.bsdf, y.out.wo, -c.dir, timing.medium)

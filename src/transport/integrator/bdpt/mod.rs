@@ -5,7 +5,7 @@
 //! strategy alone would say, which is all of the light of its depth where it can find every path, and part of it where
 //! it cannot.
 
-mod connect;
+pub mod connect;
 pub mod subpath;
 pub mod weights;
 
@@ -84,7 +84,7 @@ pub fn each(
     }
     let subpaths = &*subpaths;
     let mut found = |c: Connection, s: u32, t: u32, pixel: [u32; 2], lens: Vec3| {
-        let weight = if settings.raw() { 1.0 } else { 1.0 / (1.0 + c.others) };
+        let weight = c.weight(settings);
         let value = c.unweighted * weight as f32;
         let contribution = Contribution { pixel, value, unweighted: c.unweighted, s, t, length: c.length };
         visit(Found { contribution, weight, subpaths, point: c.point, wi: c.wi, lens });

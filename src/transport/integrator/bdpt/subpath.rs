@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::weights::{Chain, LightEnd, Link};
+use super::weights::{Chain, LightEnd, Link, Side};
 use crate::scene::compile::{NONE, Uv};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
@@ -293,25 +293,23 @@ impl Edge {
     pub fn meet(&self, context: &Context, h: Heuristic, position: Vec3, n: Vec3) -> Option<(Chain, f32)> {
         if let Origin::Light(point) = self.origin {
             let end = LightEnd::new(context, &point, self.dir, position, n);
-            let link = Link { joint: h.term(end.direct / end.start), tail: 1.0 / h.term(end.start) };
-            return Some((Chain::new(h, link, end.next)?, end.back));
+            let (some, chain) = Chain::new(h, end.link(h), end.next);
+            return some.then_some((chain, end.back));
         }
-        let edge = position - self.from;
-        let distance2 = edge.length_squared();
-        let scale = 1.0 / (distance2 * distance2.sqrt());
-        let chain = self.chain(h, f64::from(edge.dot(n).abs() * scale))?;
-        Some((chain, edge.dot(self.origin.normal()).abs() * scale))
+        let [spread, back] = vertex::area_factors([self.from, self.origin.normal()], [position, n]);
+        Some((self.chain(h, f64::from(spread))?, back))
     }
 
     /// What weights need where this edge arrives; `spread` turns its density into one of that place.
     #[inline]
     pub fn chain(&self, h: Heuristic, spread: f64) -> Option<Chain> {
-        Chain::new(h, self.link, self.pdf_w * spread)
+        let (some, chain) = Chain::new(h, self.link, self.pdf_w * spread);
+        some.then_some(chain)
     }
 
     /// The vertex where the edge meets a surface, with what [`Edge::meet`] says of it.
     #[inline]
-    fn arrive(
+    pub fn arrive(
         &self,
         context: &Context,
         surface: &Surface,
@@ -361,28 +359,19 @@ impl Vertex {
         Some(Vertex { position: over.crest, n_geometric: Vec3::ZERO, overhang, ..*self })
     }
 
-    /// The other side's density of the vertex before, where its BSDF goes there with density `reverse_pdf_w`.
+    /// This vertex as weights see it.
     #[inline]
-    pub fn density_before(&self, reverse_pdf_w: f32) -> f64 {
-        if self.back > 0.0 { f64::from(reverse_pdf_w) * f64::from(self.back) } else { 0.0 }
+    pub fn side(&self) -> Side {
+        Side { chain: self.chain, back: self.back }
     }
 
     /// The edge on which the path goes on into `wi`, which was found with density `pdf_w` (the way back has `reverse_pdf_w`)
-    /// or, if `self.delta`, by a Dirac event. The density of what such an event generates is `|cos| eta^2` of the outgoing side relative to the incoming
-    /// one: see [`weights`](super::weights).
+    /// or, if `self.delta`, by a Dirac event: see [`Side::onward`].
     #[inline]
     pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32, reverse_pdf_w: f32) -> Edge {
-        let (pdf_w, before) = if self.delta {
-            let (out, back) = (wi.dot(self.n_geometric).abs(), self.out.wo.dot(self.n_geometric).abs());
-            let (out, back) = match mode {
-                Mode::Radiance => (out, back / (self.eta * self.eta)),
-                Mode::Importance => (out * self.eta * self.eta, back),
-            };
-            (f64::from(out), f64::from(back) * f64::from(self.back))
-        } else {
-            (f64::from(pdf_w), self.density_before(reverse_pdf_w))
-        };
-        let link = self.chain.onward(h, self.delta, before);
+        let event = (self.delta, self.eta);
+        let (pdf_w, link) =
+            self.side().onward(h, mode, [self.out.wo, wi, self.n_geometric], [pdf_w, reverse_pdf_w], event);
         let (n, from) = match self.overhang {
             Some(over) if over.carries(wi) => (Vec3::ZERO, over.crest),
             _ => (self.n_geometric, self.position),

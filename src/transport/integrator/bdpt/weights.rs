@@ -27,8 +27,8 @@
 
 use glam::Vec3;
 
-use super::subpath::Vertex;
-use crate::transport::bsdf::BsdfValue;
+use crate::math::real::{Double, Mask, Real, Vector};
+use crate::transport::bsdf::{BsdfValue, Mode};
 use crate::transport::integrator::Context;
 use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
@@ -37,68 +37,144 @@ use crate::transport::vertex;
 /// What one side of a connection knows of the strategies that split the path further towards that side's end. All is
 /// divided by the term of the density with which this side generated this vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Chain {
+pub struct Chain<D = f64> {
     /// Term of the strategy that connects the vertex before with this one, over the term of generating this one too;
     /// without the other side's density of this vertex. Zero where it cannot.
-    joint: f64,
+    pub(crate) joint: D,
     /// The same for all strategies that split earlier; without the other side's density of the vertex before.
-    tail: f64,
+    pub(crate) tail: D,
 }
 
 /// A chain whose next vertex is not found yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Link {
+pub struct Link<D = f64> {
     /// See [`Chain::joint`].
-    pub joint: f64,
+    pub joint: D,
     /// See [`Chain::tail`].
-    pub tail: f64,
+    pub tail: D,
 }
 
-impl Chain {
-    /// Where this side has generated a vertex with density `density` per area; `None` where rounding leaves none.
-    #[inline]
-    pub fn new(h: Heuristic, link: Link, density: f64) -> Option<Chain> {
-        if density <= 0.0 || !density.is_finite() {
-            return None;
-        }
-        let scale = 1.0 / h.term(density);
-        Some(Chain { joint: link.joint * scale, tail: link.tail * scale })
+/// A vertex of one side of a connection, as weights see it; in lanes several.
+#[derive(Clone, Copy, Debug)]
+pub struct Side<R: Real = f32> {
+    /// What is known of the strategies that split further towards that side's end.
+    pub chain: Chain<R::Double>,
+    /// Turns a density per solid angle here into the other side's density of the vertex before; zero where the other
+    /// side cannot generate it.
+    pub back: R,
+}
+
+impl<D: Double> Chain<D> {
+    /// Where this side has generated a vertex with density `density` per area; not where rounding leaves none.
+    #[inline(always)]
+    pub fn new(h: Heuristic, link: Link<D>, density: D) -> (<D::Real as Real>::Mask, Chain<D>) {
+        let some = density.gt(D::of(0.0)) & D::of(f64::INFINITY).gt(density);
+        let scale = D::of(1.0) / h.term(density);
+        (some, Chain { joint: link.joint * scale, tail: link.tail * scale })
     }
 
     /// Sum of the terms of all strategies with fewer vertices on this side, over the term of the one that connects
     /// here. The other side would generate this vertex with density `here` and the one before with density `before`.
-    #[inline]
-    pub fn others(&self, h: Heuristic, here: f64, before: f64) -> f64 {
+    #[inline(always)]
+    pub fn others(&self, h: Heuristic, here: D, before: D) -> D {
         self.others_at_end(h, here, here, before)
     }
 
     /// The same where this vertex is the other side's end, for which the density depends on the strategy: `last` for
     /// the one that generates no more than it, `here` for the ones that go on.
-    #[inline]
-    pub fn others_at_end(&self, h: Heuristic, last: f64, here: f64, before: f64) -> f64 {
+    #[inline(always)]
+    pub fn others_at_end(&self, h: Heuristic, last: D, here: D, before: D) -> D {
         self.joint * h.term(last) + self.tail * h.term(here) * h.term(before)
     }
 
-    /// The chain behind an event here; `before` is the other side's density of the vertex before.
-    #[inline]
-    pub fn onward(&self, h: Heuristic, delta: bool, before: f64) -> Link {
-        let joint = if delta { 0.0 } else { self.joint };
-        Link { joint: f64::from(u8::from(!delta)), tail: joint + self.tail * h.term(before) }
+    /// The chain behind an event here, where `delta` behind a Dirac one; `before` is the other side's density of the vertex
+    /// before.
+    #[inline(always)]
+    pub fn onward(&self, h: Heuristic, delta: <D::Real as Real>::Mask, before: D) -> Link<D> {
+        let (zero, one) = (D::of(0.0), D::of(1.0));
+        let joint = D::select(delta, zero, self.joint);
+        Link { joint: D::select(delta, zero, one), tail: joint + self.tail * h.term(before) }
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Side<R> {
+    /// The other side's density of the vertex before, where its BSDF goes there with density `reverse_pdf_w`.
+    #[inline(always)]
+    pub fn density_before(&self, reverse_pdf_w: R) -> R::Double {
+        let some = self.back.gt(R::of(0.0));
+        R::Double::select(some, reverse_pdf_w.double() * self.back.double(), R::Double::of(0.0))
+    }
+
+    /// What other strategies that split on this side weigh, where the other side would generate this vertex with density
+    /// `here`.
+    #[inline(always)]
+    fn others(&self, h: Heuristic, here: R::Double, at: &BsdfValue<V>) -> R::Double {
+        self.chain.others(h, here, self.density_before(at.reverse_pdf_w))
+    }
+
+    /// The density and the chain of the edge on which the path goes on from `wo` into `wi`, at a point with the geometric
+    /// normal `n`. It was found with density `pdf_w`, that of the way back is `reverse_pdf_w`; or where `delta` by a Dirac
+    /// event that crossed the index ratio `eta`. The density of what such an event generates is `|cos| eta^2` of the
+    /// outgoing side relative to the incoming one.
+    #[inline(always)]
+    pub fn onward(
+        &self,
+        h: Heuristic,
+        mode: Mode,
+        [wo, wi, n]: [V; 3],
+        [pdf_w, reverse_pdf_w]: [R; 2],
+        (delta, eta): (R::Mask, R),
+    ) -> (R::Double, Link<R::Double>) {
+        let (mut density, mut before) = (pdf_w.double(), self.density_before(reverse_pdf_w));
+        if delta.any() {
+            let (out, back) = (wi.dot(n).abs(), wo.dot(n).abs());
+            let (out, back) = match mode {
+                Mode::Radiance => (out, back / (eta * eta)),
+                Mode::Importance => (out * eta * eta, back),
+            };
+            density = R::Double::select(delta, out.double(), density);
+            before = R::Double::select(delta, back.double() * self.back.double(), before);
+        }
+        (density, self.chain.onward(h, delta, before))
     }
 }
 
 /// The densities where a path meets its light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightEnd {
+pub struct LightEnd<R: Real = f32> {
     /// Density of `x_0` as the start of a light path: per area; for light from everywhere outside per solid angle; for a
     /// point or a parallel light the probability of choosing it.
-    pub start: f64,
+    pub start: R::Double,
     /// The same where light is sampled from `x_1`.
-    pub direct: f64,
+    pub direct: R::Double,
     /// Density per area with which a light path goes on to `x_1`.
-    pub next: f64,
+    pub next: R::Double,
     /// Turns a density per solid angle at `x_1` into one of `x_0`, in the measure of `start`.
-    pub back: f32,
+    pub back: R,
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LightEnd<R> {
+    /// For points of surfaces that shine, with their normals, and the next vertices with theirs. The densities are those of
+    /// the start, per area; of the direction to the next vertex; and of the direction from there to the light, as light is
+    /// sampled.
+    #[inline(always)]
+    pub fn on_surface([at, n]: [V; 2], [next, n_next]: [V; 2], [start_a, dir_w, direct_w]: [R; 3]) -> LightEnd<R> {
+        let back = vertex::area_factor(next, at, n);
+        let spread = vertex::area_factor(at, next, n_next);
+        LightEnd {
+            start: start_a.double(),
+            direct: direct_w.double() * back.double(),
+            next: dir_w.double() * spread.double(),
+            back,
+        }
+    }
+
+    /// What weights need behind the first edge of a light path, before its density.
+    #[inline(always)]
+    pub fn link(&self, h: Heuristic) -> Link<R::Double> {
+        let one = R::Double::of(1.0);
+        Link { joint: h.term(self.direct / self.start), tail: one / h.term(self.start) }
+    }
 }
 
 impl LightEnd {
@@ -109,15 +185,15 @@ impl LightEnd {
         let (lights, scene) = (context.lights, context.scene);
         let e = lights.pdf_emission_at(scene, point, dir);
         let [pdf_a, pdf_w] = [e.pdf_a, e.pdf_w].map(f64::from);
-        let spread = || f64::from(vertex::area_factor(point.position, next, n_next));
         match point.light {
             LightId::Emitter(i) => {
-                let back = vertex::area_factor(next, point.position, point.normal);
                 let direct_w = lights.pdf_direct_w(scene, next, i, point.position, point.normal);
-                let direct = f64::from(direct_w) * f64::from(back);
-                LightEnd { start: pdf_a, direct, next: pdf_w * spread(), back }
+                LightEnd::on_surface([point.position, point.normal], [next, n_next], [e.pdf_a, e.pdf_w, direct_w])
             }
-            LightId::Point(_) => LightEnd { start: pdf_a, direct: pdf_a, next: pdf_w * spread(), back: 0.0 },
+            LightId::Point(_) => {
+                let spread = f64::from(vertex::area_factor(point.position, next, n_next));
+                LightEnd { start: pdf_a, direct: pdf_a, next: pdf_w * spread, back: 0.0 }
+            }
             LightId::Directional(_) | LightId::Environment => {
                 let choice = f64::from(lights.pdf_choice(point.light));
                 let start = choice * pdf_w;
@@ -139,36 +215,44 @@ pub fn others_of_hit(h: Heuristic, chain: &Chain, end: &LightEnd, t: u32) -> f64
 }
 
 /// Beside `s = 1`, `t >= 2`, for light sampled from the end of the camera path, whose BSDF towards it is `at_z`.
-#[inline]
-pub fn others_of_next_event(h: Heuristic, z: &Vertex, end: &LightEnd, at_z: &BsdfValue) -> f64 {
-    // Meeting the light instead of sampling it.
-    let met = if end.back > 0.0 { h.term(f64::from(at_z.pdf_w) * f64::from(end.back) / end.direct) } else { 0.0 };
-    // Going on from the light instead of stopping at it.
-    met + h.term(end.start / end.direct) * z.chain.others(h, end.next, z.density_before(at_z.reverse_pdf_w))
-}
-
-/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths, whose BSDFs towards each other are `at_y` and `at_z`; `wi` is
-/// the unit direction of the edge between them and `distance2` its squared length.
-#[inline]
-pub fn others_of_ends(
+#[inline(always)]
+pub fn others_of_next_event<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
     h: Heuristic,
-    [y, z]: [&Vertex; 2],
-    [at_y, at_z]: [&BsdfValue; 2],
-    wi: Vec3,
-    distance2: f32,
-) -> f64 {
-    let to = |v: &Vertex| f64::from(wi.dot(v.n_geometric).abs() / distance2);
-    let reaches_y = f64::from(at_z.pdf_w) * to(y);
-    let reaches_z = f64::from(at_y.pdf_w) * to(z);
-    y.chain.others(h, reaches_y, y.density_before(at_y.reverse_pdf_w))
-        + z.chain.others(h, reaches_z, z.density_before(at_z.reverse_pdf_w))
+    z: &Side<R>,
+    end: &LightEnd<R>,
+    at_z: &BsdfValue<V>,
+) -> R::Double {
+    // Meeting the light instead of sampling it.
+    let met = h.term(at_z.pdf_w.double() * end.back.double() / end.direct);
+    let met = R::Double::select(end.back.gt(R::of(0.0)), met, R::Double::of(0.0));
+    // Going on from the light instead of stopping at it.
+    met + h.term(end.start / end.direct) * z.others(h, end.next, at_z)
 }
 
-/// Beside `s >= 2`, `t = 1`, for the end of a light path seen from a point of the lens, towards which its BSDF is `at_y`.
-#[inline]
-pub fn others_of_lens(h: Heuristic, y: &Vertex, lens: Vec3, at_y: &BsdfValue, pdf_w: f32) -> f64 {
-    let here = f64::from(pdf_w) * f64::from(vertex::area_factor(lens, y.position, y.n_geometric));
-    y.chain.others(h, here, y.density_before(at_y.reverse_pdf_w))
+/// Beside `s >= 2`, `t >= 2`, for the ends of two subpaths, whose BSDFs towards each other are `at_y` and `at_z`; the
+/// factors turn densities per solid angle into those per area at y and at z.
+#[inline(always)]
+pub fn others_of_ends<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    h: Heuristic,
+    [y, z]: [&Side<R>; 2],
+    [at_y, at_z]: [&BsdfValue<V>; 2],
+    [to_y, to_z]: [R; 2],
+) -> R::Double {
+    let reaches_y = at_z.pdf_w.double() * to_y.double();
+    let reaches_z = at_y.pdf_w.double() * to_z.double();
+    y.others(h, reaches_y, at_y) + z.others(h, reaches_z, at_z)
+}
+
+/// Beside `s >= 2`, `t = 1`, for the end of a light path seen from a point of the lens, towards which its BSDF is `at_y`:
+/// `pdf_w` is the density of the camera ray there, and `spread` turns it into one per area.
+#[inline(always)]
+pub fn others_of_lens<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    h: Heuristic,
+    y: &Side<R>,
+    at_y: &BsdfValue<V>,
+    [pdf_w, spread]: [R; 2],
+) -> R::Double {
+    y.others(h, pdf_w.double() * spread.double(), at_y)
 }
 
 /// Beside `s = 1`, `t = 1`, for a light's point seen from a point of the lens.

@@ -14,6 +14,7 @@ use crate::transport::integrator::bdpt::weights::{
 };
 use crate::transport::light::LightId;
 use crate::transport::mis::Heuristic;
+use crate::transport::vertex;
 
 /// The weights of the strategies `s = 0 ..= k` as `bdpt` computes them where it finds the path so.
 pub fn fast_weights(context: &Context, h: Heuristic, path: &Path) -> Vec<f64> {
@@ -44,7 +45,7 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
         (1, _, None) => others_of_seen(h, &end(path.lens, Vec3::ZERO), seen_pdf_w),
         (1, _, Some(z)) => {
             let at_z = z.bsdf.evaluate(z.out.wo, -path.dirs[0], Mode::Radiance);
-            others_of_next_event(h, &z, &end(z.position, z.n_geometric), &at_z)
+            others_of_next_event(h, &z.side(), &end(z.position, z.n_geometric), &at_z)
         }
         (_, Some(y), Some(z)) => {
             let at_y = y.bsdf.evaluate(y.out.wo, path.dirs[s - 1], Mode::Importance);
@@ -52,11 +53,14 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
             // Between the points, as all strategies measure the edge; the traced direction starts off the surface.
             let edge = y.position - z.position;
             let distance2 = edge.length_squared();
-            others_of_ends(h, [&y, &z], [&at_y, &at_z], edge / distance2.sqrt(), distance2)
+            let wi = edge / distance2.sqrt();
+            let to = |v: &Vertex| wi.dot(v.n_geometric).abs() / distance2;
+            others_of_ends(h, [&y.side(), &z.side()], [&at_y, &at_z], [to(&y), to(&z)])
         }
         (_, Some(y), None) => {
             let at_y = y.bsdf.evaluate(y.out.wo, path.dirs[k - 1], Mode::Importance);
-            others_of_lens(h, &y, path.lens, &at_y, seen_pdf_w)
+            let spread = vertex::area_factor(path.lens, y.position, y.n_geometric);
+            others_of_lens(h, &y.side(), &at_y, [seen_pdf_w, spread])
         }
         (_, None, _) => return None,
     })
