@@ -7,7 +7,8 @@
 local s = scene { resolution = { 960, 540 }, max_depth = 5 }
 local count = s:option("count", 400)
 
-s:camera { position = { 0, 9, 15 }, target = { 0, -0.4, 0.4 }, fov = 42 }
+s:view("tray", { position = { 0, 9, 15 }, target = { 0, -0.4, 0.4 }, fov = 42 })
+s:view("among", { position = { 0.4, 1.5, 10 }, target = { 0, 0.2, 4 }, fov = 40 })
 
 s:material("tray", { base_color = { 0.35, 0.33, 0.3 }, roughness = 0.6 })
 local glazes = { { 0.75, 0.78, 0.8 }, { 0.15, 0.35, 0.55 }, { 0.55, 0.2, 0.12 }, { 0.3, 0.42, 0.22 }, { 0.8, 0.62, 0.25 } }

@@ -7,7 +7,8 @@ local s = scene { resolution = { 960, 540 }, max_depth = 4 }
 local count = s:option("lights", 1000)
 local kind = s:option("kind", { "spheres", "points" })
 
-s:camera { position = { 0, 3.2, 11 }, target = { 0, 1.5, 0 }, fov = 38 }
+s:view("row", { position = { 0, 3.2, 11 }, target = { 0, 1.5, 0 }, fov = 38 })
+s:view("gold", { position = { 5.2, 1.7, 5.2 }, target = { 2.7, 1.15, 0 }, fov = 34 })
 
 s:material("floor", { base_color = { 0.6, 0.6, 0.6 }, roughness = 0.5 })
 s:material("wall", { base_color = { 0.35, 0.38, 0.45 }, roughness = 0.9 })

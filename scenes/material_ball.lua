@@ -7,7 +7,8 @@
 local s = scene { resolution = { 256, 256 }, max_depth = 8 }
 local kind = s:option("shape", { "ball", "knot", "cube" })
 
-s:camera { position = { 0, 1.35, 2.7 }, target = { 0, 0.56, 0 }, fov = 29 }
+s:view("front", { position = { 0, 1.35, 2.7 }, target = { 0, 0.56, 0 }, fov = 29 })
+s:view("side", { position = { 2, 1.1, 1.3 }, target = { 0, 0.58, 0 }, fov = 28 })
 
 s:material("ball", { base_color = { 0.8, 0.8, 0.8 }, roughness = 0.5 })
 s:material("base", { base_color = { 0.12, 0.12, 0.13 }, roughness = 0.6 })

@@ -10,7 +10,8 @@ local model = s:option("model", { "suzanne", "bunny", "dragon" })
 local folder = s:option("folder", "")
 local floor = s:option("floor", false)
 
-s:camera { position = { 1.1, 1.1, 3.2 }, target = { 0, 0.55, 0 }, fov = 30 }
+s:view("front", { position = { 1.1, 1.1, 3.2 }, target = { 0, 0.55, 0 }, fov = 30 })
+s:view("side", { position = { 3.3, 0.9, -0.7 }, target = { 0, 0.55, 0 }, fov = 30 })
 s:material("clay", { base_color = { 0.7, 0.6, 0.5 }, roughness = 0.7 })
 s:material("floor", { base_color = { 0.4, 0.4, 0.42 }, roughness = 0.9 })
 if floor then s:add { name = "floor", shape = shape.grid { size = { 8, 8 } }, material = "floor" } end

@@ -6,7 +6,8 @@
 
 local s = scene { resolution = { 768, 512 }, max_depth = 5 }
 
-s:camera { position = { 0, 2, 15 }, target = { 0, -2, 2.5 }, fov = 28 }
+s:view("plates", { position = { 0, 2, 15 }, target = { 0, -2, 2.5 }, fov = 28 })
+s:view("smoothest", { position = { 0, 0, 11 }, target = { 0, -3.7, 3.5 }, fov = 34 })
 
 s:material("wall", { base_color = { 0.4, 0.4, 0.4 }, model = "lambert" })
 s:add { name = "floor", shape = shape.grid { size = { 80, 60 } }, material = "wall", at = { 0, -4.5, 0 } }

@@ -7,9 +7,9 @@
 local x = experiment("scenes", { seed = 3 })
 
 local scenes = {
-  { "cornell", "front" }, { "veach_lamps", "room" }, { "veach_mis", "" }, { "material_ball", "" },
-  { "atrium", "atrium" }, { "bedroom", "door" }, { "forest", "glade" }, { "many_lights", "" }, { "instances", "" },
-  { "model", "" },
+  { "cornell", "front" }, { "veach_lamps", "room" }, { "veach_mis", "plates" }, { "material_ball", "front" },
+  { "atrium", "atrium" }, { "bedroom", "door" }, { "forest", "glade" }, { "many_lights", "row" }, { "instances", "tray" },
+  { "model", "front" }, { "hare_box", "front" },
 }
 local names, views = {}, {}
 for i, scene in ipairs(scenes) do names[i], views[scene[1]] = scene[1], scene[2] end
@@ -18,13 +18,12 @@ x:axis("scene", names)
 x:axis("width", { 320 })
 x:axis("samples", { 64 })
 
-local square = { cornell = true, material_ball = true }
+local square = { cornell = true, material_ball = true, hare_box = true }
 
 x:render(function(p)
-  local view = views[p.scene]
   return {
     scene = "scenes/" .. p.scene .. ".lua",
-    view = view ~= "" and view or nil,
+    view = views[p.scene],
     scene_options = p.scene == "model" and { floor = true } or nil,
     -- Two lamps that hide their light are found from the lamps' side.
     integrator = p.scene == "veach_lamps" and "bdpt" or "nee",

@@ -190,6 +190,27 @@ fn lamps_are_lights_and_pictures_that_shine_are_not() {
 }
 
 #[test]
+fn extensions_that_nobody_reads_are_named_and_refused_where_they_are_required() {
+    let folder = folder();
+    let asset = "\"asset\": {";
+    assert!(TEXT.contains(asset));
+    let with = |lists: &str| {
+        folder.write("a.gltf", TEXT.replacen(asset, &format!("{lists}, {asset}"), 1));
+        folder.load("a.gltf")
+    };
+    let used = "\"extensionsUsed\": [\"KHR_lights_punctual\", \"EXT_mesh_gpu_instancing\", \"KHR_materials_volume\"]";
+    let notes = lines(&with(used).unwrap().1);
+    let of_use: Vec<&str> = notes.lines().filter(|note| note.contains("extensionsUsed")).collect();
+    assert!(
+        matches!(of_use[..], [one] if one.ends_with("the extension `EXT_mesh_gpu_instancing` is not read")),
+        "{notes}"
+    );
+    let e = with(&used.replace("Used", "Required")).unwrap_err().to_string();
+    assert!(e.contains("a.gltf: extensionsRequired: the extension `EXT_mesh_gpu_instancing` is not read"), "{e}");
+    assert!(with("\"extensionsRequired\": [\"KHR_texture_transform\", \"KHR_materials_volume\", 7]").is_ok());
+}
+
+#[test]
 fn faults_name_what_is_wrong() {
     let folder = folder();
     for (from, to, expected) in [

@@ -286,17 +286,31 @@ fn a_scene_that_is_run_as_an_experiment_says_so() {
 }
 
 #[test]
-fn every_scene_of_this_project_loads_and_compiles_without_a_note() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
-    let mut scenes: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+fn every_scene_of_this_project_loads_without_a_note_has_views_and_stands_on_its_page() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/scenes.md")).unwrap();
+    let script = std::fs::read_to_string(root.join("scripts/scenes.lua")).unwrap();
+    let mut scenes: Vec<_> = std::fs::read_dir(root.join("scenes")).unwrap().map(|e| e.unwrap().path()).collect();
     scenes.retain(|p| scene::is_lua(p));
     assert!(!scenes.is_empty());
     for file in scenes {
         let text = std::fs::read_to_string(&file).unwrap();
         assert!(text.starts_with("-- "), "{} says what it is", file.display());
         let (desc, notes) = scene::read(&file, &BTreeMap::new(), Missing::Refused).unwrap_or_else(|e| panic!("{e}"));
-        let (_, more) = compile(&desc).unwrap();
+        let (compiled, more) = compile(&desc).unwrap();
+        assert!(!file.ends_with("bedroom.lua") || compiled.triangles.len() >= 200_000);
         assert!(notes.is_empty() && more.is_empty(), "{}: {notes:?} {more:?}", file.display());
+        let stem = file.file_stem().unwrap().to_str().unwrap();
+        let picture = format!("images/scenes/{stem}.png");
+        let row = page.lines().find(|row| row.contains(&format!("![{stem}]({picture}) | **`{stem}.lua`**")));
+        let row = row.unwrap_or_else(|| panic!("{stem} is not on the page"));
+        assert!(root.join("docs").join(picture).is_file() && script.contains(&format!("\"{stem}\"")), "{stem}");
+        assert!(desc.views.len() >= 2, "{stem}");
+        let views = desc.views.iter().map(|(view, _)| view.as_str());
+        let options = text.split(":option(\"").skip(1).filter_map(|rest| rest.split('"').next());
+        for word in views.chain(options) {
+            assert!(row.contains(&format!("`{word}`")), "{stem}: {word}");
+        }
     }
 }
 

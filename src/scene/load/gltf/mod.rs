@@ -33,6 +33,11 @@ use crate::scene::{Note, SceneError};
 
 /// How deep nodes may lie in one another.
 const MAX_DEPTH: usize = 256;
+/// Extensions that are read, or refused where they stand; those of materials are noted with their material.
+const EXTENSIONS: &[&str] =
+    &["KHR_lights_punctual", "KHR_texture_transform", "KHR_mesh_quantization", "KHR_draco_mesh_compression"];
+/// How extensions of materials begin.
+const OF_MATERIALS: &str = "KHR_materials_";
 /// How many corners of meshes the camera of a scene without one looks at, before it takes the boxes around them.
 const MAX_FRAMED: usize = 1 << 24;
 
@@ -61,6 +66,7 @@ pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note
         names: Names::default(),
         notes: Vec::new(),
     };
+    builder.extensions()?;
     builder.read_materials(missing, &mut notes)?;
     builder.scene()?;
     let camera = builder.camera.take().unwrap_or_else(|| bare::framing_camera(builder.bounds()));
@@ -112,6 +118,25 @@ impl Builder<'_> {
     /// A name of its own: the one that is given, or the stem and a number.
     fn name(&mut self, given: &Json, stem: &str) -> String {
         self.names.give(given.as_str().filter(|n| !n.is_empty()).unwrap_or(stem))
+    }
+
+    /// Names the extensions that the document says it uses and that are not read, and refuses those that it cannot do
+    /// without, since what would be shown is something else. What a surface looks like is near enough for a note.
+    fn extensions(&mut self) -> Result<(), SceneError> {
+        let document = self.document;
+        let unread = |key: &str| -> BTreeSet<String> {
+            let names = document.json[key].as_array().into_iter().flatten().filter_map(Json::as_str);
+            let names = names.filter(|name| !EXTENSIONS.contains(name) && !name.starts_with(OF_MATERIALS));
+            names.map(|name| name.chars().take(48).collect()).collect()
+        };
+        if let Some(name) = unread("extensionsRequired").first() {
+            let problem = format!("the extension `{name}` is not read, and the file says that it must be");
+            return Err(document.error("extensionsRequired", problem));
+        }
+        for name in unread("extensionsUsed") {
+            self.note("extensionsUsed", format!("the extension `{name}` is not read"));
+        }
+        Ok(())
     }
 
     fn read_materials(&mut self, missing: Missing, notes: &mut Vec<Note>) -> Result<(), SceneError> {

@@ -104,5 +104,9 @@ pub(in crate::scene::load) const READS: &[Reads] = &[
         read: "`wrapS` and `wrapT`: textures repeat, are mirrored, or are clamped; all are bilinear",
         noted: "`NEAREST`",
     },
-    Reads { name: "all other extensions", read: "", noted: "named; that of volumes too: glass has no absorption here" },
+    Reads {
+        name: "all other extensions",
+        read: "",
+        noted: "named; that of volumes too: glass has no absorption here. `extensionsRequired` but for materials are errors",
+    },
 ];
