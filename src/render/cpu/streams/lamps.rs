@@ -23,6 +23,18 @@ pub(super) struct Lamps {
 /// In the place of a light that lanes do not know.
 const NOTHING: [Row; 2] = [Row([0.0; LANES]); 2];
 
+/// A light in each lane.
+pub(super) struct Chosen {
+    /// The rows of [`Lamps`], zeros for other lights.
+    pub rows: [[Reals; 8]; 2],
+    /// The indices of the lights.
+    pub light: [u32; LANES],
+    /// The probability of the choice.
+    pub chance: Reals,
+    /// A bit for each lane with a light that lanes do not know.
+    pub alone: u32,
+}
+
 /// Light that arrives, in each lane, not yet tested for shadow.
 pub(super) struct Direct {
     /// Unit direction to the light.
@@ -61,10 +73,9 @@ impl Lamps {
         Lamps { rows: (0..scene.emitters.len() as u32).map(row).collect() }
     }
 
-    /// Light that arrives at points from a light that these numbers choose, and from a point on it, in the lanes that want
-    /// any: as `Lights::sample_direct` finds it.
+    /// The lights that these numbers choose, in the lanes that want any.
     #[inline(always)]
-    pub fn direct(&self, context: &Context, from: Vectors, [choice, u, v]: [Reals; 3], wanted: Yes) -> Direct {
+    pub fn choose(&self, context: &Context, choice: Reals, wanted: Yes) -> Chosen {
         let choices = choice.store().0;
         let (mut rows, mut chances) = ([&NOTHING; LANES], Row::default());
         let (mut light, mut alone) = ([0; LANES], 0);
@@ -72,20 +83,26 @@ impl Lamps {
             if let Some((index, chance)) = context.lights.choose(choices[i]) {
                 chances.0[i] = chance;
                 light[i] = index;
-                match self.row(index) {
+                match self.rows.get(index as usize).filter(|row| row[1].0[5] > 0.0) {
                     Some(row) => rows[i] = row,
                     None => alone |= 1 << i,
                 }
             }
         }
-        let a = transposed(rows.map(|r| &r[0]));
-        let b = transposed(rows.map(|r| &r[1]));
+        let rows = [transposed(rows.map(|r| &r[0])), transposed(rows.map(|r| &r[1]))];
+        Chosen { rows, light, chance: Reals::load(&chances), alone }
+    }
+
+    /// Light that arrives at points from a light that these numbers choose, and from a point on it, in the lanes that want
+    /// any: as `Lights::sample_direct` finds it.
+    #[inline(always)]
+    pub fn direct(&self, context: &Context, from: Vectors, [choice, u, v]: [Reals; 3], wanted: Yes) -> Direct {
+        let Chosen { rows: [a, b], light, chance, alone } = self.choose(context, choice, wanted);
         let corners = [Vectors::new(a[0], a[1], a[2]), Vectors::new(a[3], a[4], a[5]), Vectors::new(a[6], a[7], b[0])];
         let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u, v]));
         let (wi, _, density) = area::seen(from, at, normal, b[1]);
         let radiance = Vectors::new(b[2], b[3], b[4]);
         let (delta, endless) = (Yes::of(false), Yes::of(false));
-        let chance = Reals::load(&chances);
         let mut direct = Direct { wi, radiance, density, delta, at, normal, endless, light, chance, area: b[1], alone };
         if alone != 0 {
             let from = [from.x().store().0, from.y().store().0, from.z().store().0];
@@ -93,18 +110,6 @@ impl Lamps {
             direct = direct.or(b[5].gt(Reals::of(0.0)), transposed(found.each_ref()), transposed(end.each_ref()));
         }
         Direct { density: direct.density * chance, ..direct }
-    }
-
-    /// The row of a light that lanes know.
-    #[inline]
-    fn row(&self, light: u32) -> Option<&[Row; 2]> {
-        self.rows.get(light as usize).filter(|row| row[1].0[5] > 0.0)
-    }
-
-    /// The area of a light that lanes know; zero for others.
-    #[inline]
-    pub fn area(&self, light: u32) -> f32 {
-        self.row(light).map_or(0.0, |row| row[1].0[1])
     }
 }
 

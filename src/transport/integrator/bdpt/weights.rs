@@ -256,7 +256,7 @@ pub fn others_of_lens<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
 }
 
 /// Beside `s = 1`, `t = 1`, for a light's point seen from a point of the lens.
-#[inline]
-pub fn others_of_seen(h: Heuristic, end: &LightEnd, pdf_w: f32) -> f64 {
-    h.term(f64::from(pdf_w) * f64::from(end.back) / end.start)
+#[inline(always)]
+pub fn others_of_seen<R: Real>(h: Heuristic, end: &LightEnd<R>, pdf_w: R) -> R::Double {
+    h.term(pdf_w.double() * end.back.double() / end.start)
 }

@@ -10,13 +10,14 @@ use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
 use crate::render::cpu::streams::{set, stored};
 use crate::transport::bsdf::{BsdfValue, Mode};
 use crate::transport::camera::FilterSpec;
+use crate::transport::camera::lens::Projection;
 use crate::transport::integrator::bdpt::weights::{Chain, Side, others_of_ends, others_of_lens, others_of_next_event};
 use crate::transport::sampler::Independent;
 use crate::transport::surface::Point;
 use crate::transport::vertex::area_factor;
 
 /// Who is told of light for another pixel: the path that brings it, the pixel, and the light.
-type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3) + 'a;
+pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3) + 'a;
 
 /// A camera vertex that is to be joined to a sampled point of a light.
 #[derive(Clone, Copy)]
@@ -167,19 +168,77 @@ impl Work<'_> {
     }
 
     /// Whether nothing lies on the way of a row of [`shadow_rays`].
-    fn lit(&self, row: &Row) -> bool {
+    pub(super) fn lit(&self, row: &Row) -> bool {
         let (ray, distance) = shadow_ray(row);
         distance <= 0.0 || !self.context.trace.occluded(&ray, distance)
     }
 
     /// What is left of light when all strategies that find it have their share.
     #[inline(always)]
-    fn shared(&self, unweighted: Vectors, others: Doubles) -> [Row; LANES] {
+    pub(super) fn shared(&self, unweighted: Vectors, others: Doubles) -> [Row; LANES] {
         let zero = Reals::of(0.0);
         let one = Doubles::of(1.0);
         let weight = if self.context.settings.raw() { Reals::of(1.0) } else { (one / (one + others)).single() };
         let value = unweighted * weight;
         stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero])
+    }
+}
+
+/// Points joined to the lens.
+pub(super) struct OnFilm {
+    pub at: Projection<Vectors>,
+    /// The pixels for which they count.
+    pub pixels: [[u32; 2]; LANES],
+    /// Whether there is one.
+    pub inside: Yes,
+    /// As `CameraConnection::importance`.
+    pub importance: Reals,
+}
+
+impl Work<'_> {
+    /// The numbers with which these paths choose points of the lens and pixels, when so many are taken; zeros where neither
+    /// has a use for them.
+    #[inline(always)]
+    pub(super) fn lens_numbers(&self, paths: &Subpaths, of: [u32; LANES], taken: [u32; LANES]) -> [Reals; 4] {
+        let camera = self.context.camera;
+        if !camera.has_lens() && camera.filter() == FilterSpec::PIXEL {
+            return [Reals::of(0.0); 4];
+        }
+        let (key, taken) = (keys(paths, of), words(taken));
+        let [a, b, c] = Independent::next_three(key, taken);
+        let [d, ..] = Independent::next_three(key, taken.add(Words::of(3)));
+        [a, b, c, d]
+    }
+
+    /// Joins points to the lens, in the lanes that want it.
+    #[inline(always)]
+    pub(super) fn onto_film(&self, position: Vectors, [a, b, c, d]: [Reals; 4], wanted: Yes) -> OnFilm {
+        let zero = Reals::of(0.0);
+        let at = self.context.camera.project(position, [a, b]);
+        let ahead = wanted & at.ahead;
+        let camera = self.context.camera;
+        let (mut pixels, mut weights) = ([[0; 2]; LANES], Row::default());
+        if camera.filter() == FilterSpec::PIXEL {
+            // As `FilterSpec::choose`: the pixel in which the place lies.
+            let [width, height] = camera.resolution().map(|n| Reals::of(n as f32));
+            let [x, y] = at.place;
+            let inside = ahead & x.ge(zero) & x.lt(width) & y.ge(zero) & y.lt(height);
+            let [x, y] = [x.truncated().as_bits().store(), y.truncated().as_bits().store()];
+            for i in set(inside.bits()) {
+                (pixels[i], weights.0[i]) = ([x.0[i].to_bits(), y.0[i].to_bits()], 1.0);
+            }
+        } else {
+            let places = stored([at.place[0], at.place[1], c, d, zero, zero, zero, zero]);
+            for i in set(ahead.bits()) {
+                let [x, y, u, v, ..] = places[i].0;
+                if let Some((pixel, weight)) = camera.choose([x, y], [u, v]) {
+                    (pixels[i], weights.0[i]) = (pixel, weight);
+                }
+            }
+        }
+        let weight = Reals::load(&weights);
+        let importance = weight * at.pdf_w / (at.distance * at.distance);
+        OnFilm { at, pixels, inside: ahead & weight.gt(zero), importance }
     }
 }
 
@@ -215,19 +274,19 @@ fn loaded(work: &Work, class: usize, nodes: [&Node; LANES], active: Yes) -> Load
 
 /// So many of a group as there are lanes: those that have none have the first.
 #[inline(always)]
-fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
+pub(super) fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
     std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
 }
 
 /// The keys of the numbers of paths.
 #[inline(always)]
-fn keys(paths: &Subpaths, of: [u32; LANES]) -> [Words; 4] {
+pub(super) fn keys(paths: &Subpaths, of: [u32; LANES]) -> [Words; 4] {
     let [.., a, b, c, d] = transposed(of.map(|path| &paths.walkers[path as usize].rows[2]));
     [a.bits(), b.bits(), c.bits(), d.bits()]
 }
 
 #[inline(always)]
-fn words(of: [u32; LANES]) -> Words {
+pub(super) fn words(of: [u32; LANES]) -> Words {
     Reals::load(&Row(of.map(f32::from_bits))).bits()
 }
 
@@ -323,37 +382,15 @@ fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 
 /// `s >= 2`, `t = 1`.
 #[inline(always)]
 fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, splat: &mut Splat) {
-    let camera = work.context.camera;
     let shots = filled(group);
     let active = Yes::first(group.len());
-    let zero = Reals::of(0.0);
     let y = loaded(work, class, shots.map(|s| &light.nodes[s.y as usize]), active);
-    let mut numbers = [zero; 4];
-    // A pinhole and pixels that share nothing have no use for them.
-    if camera.has_lens() || camera.filter() != FilterSpec::PIXEL {
-        let (key, taken) = (keys(light, shots.map(|s| s.path)), words(shots.map(|s| s.taken)));
-        let [a, b, c] = Independent::next_three(key, taken);
-        let [d, ..] = Independent::next_three(key, taken.add(Words::of(3)));
-        numbers = [a, b, c, d];
-    }
-    let [a, b, c, d] = numbers;
     let Point { position, n_geometric, n_shading } = y.vertices.point;
-    let at = camera.project(position, [a, b]);
-    let ahead = y.vertices.seen & at.ahead;
-    let places = stored([at.place[0], at.place[1], c, d, zero, zero, zero, zero]);
-    let (mut pixels, mut weights) = ([[0; 2]; LANES], Row::default());
-    for i in set(ahead.bits()) {
-        let [x, y, u, v, ..] = places[i].0;
-        if let Some((pixel, weight)) = camera.choose([x, y], [u, v]) {
-            (pixels[i], weights.0[i]) = (pixel, weight);
-        }
-    }
-    let weight = Reals::load(&weights);
-    let inside = ahead & weight.gt(zero);
+    let numbers = work.lens_numbers(light, shots.map(|s| s.path), shots.map(|s| s.taken));
+    let OnFilm { at, pixels, inside, importance } = work.onto_film(position, numbers, y.vertices.seen);
     if !inside.any() {
         return;
     }
-    let importance = weight * at.pdf_w / (at.distance * at.distance);
     let at_y = y.vertices.evaluate::<true>(-at.dir, Mode::Importance, inside);
     let unweighted = y.throughput * at_y.f * at.dir.dot(n_shading).abs() * importance;
     let lit = inside & !unweighted.same(Vectors::of(Vec3::ZERO));

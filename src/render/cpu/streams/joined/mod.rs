@@ -6,26 +6,25 @@
 //! order, surfaces of one class together.
 
 mod connect;
+mod start;
 mod walk;
 
 use glam::Vec3;
 
 use self::connect::Lists;
-use super::start;
+use self::start::Starts;
 use super::table::Table;
 use super::{Named, Record};
 use crate::math::lanes::Row;
 use crate::render::Job;
 use crate::scene::compile::NONE;
 use crate::transport::integrator::Context;
-use crate::transport::integrator::bdpt::connect::{Connection, escape, met, seen};
+use crate::transport::integrator::bdpt::connect::{Connection, escape, met};
 use crate::transport::integrator::bdpt::subpath::{Edge, Escape, Origin};
 use crate::transport::integrator::bdpt::weights::Link;
-use crate::transport::light::{EmissionSample, LightId};
 use crate::transport::mis::Heuristic;
 use crate::transport::ray::{Hit, Ray};
-use crate::transport::sampler::{Independent, Sampler};
-use crate::transport::vertex;
+use crate::transport::sampler::Independent;
 
 /// Samples of a tile.
 pub(super) const TILE: usize = 128;
@@ -81,8 +80,7 @@ pub(super) struct Tile {
     records: Vec<Record>,
     camera: Subpaths,
     light: Subpaths,
-    /// Where light subpaths start.
-    starts: Vec<Option<EmissionSample>>,
+    starts: Starts,
     /// Light from outside that camera subpaths met, weighted.
     escaped: Vec<Vec3>,
     lists: Lists,
@@ -181,33 +179,6 @@ impl Work<'_> {
         let taken = Row([1.0, 1.0, record.rows[1].0[6], 0.0, 0.0, 0.0, 0.0, 0.0]);
         Walker { rows: [way, left, keys, taken], weights: [edge.pdf_w, edge.link.joint, edge.link.tail] }
     }
-
-    /// The light subpath of a sample whose camera subpath has ended, before its first edge; where it starts, if it does; and
-    /// whether it has an edge.
-    fn light(&self, camera: &Walker) -> (Walker, Option<EmissionSample>, bool) {
-        if self.context.max_depth == 0 {
-            return (*camera, None, false);
-        }
-        let mut sampler = Sampler::Independent(camera.numbers(camera.taken()));
-        let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
-        let start = self.context.lights.sample_emission(self.context.scene, choice, u, v);
-        let mut walker = *camera;
-        let taken = f32::from_bits(camera.taken() + 5);
-        walker.rows[3].0[2] = taken;
-        let Some(e) = start else { return (walker, None, false) };
-        let throughput = e.radiance * e.cos / (e.pdf_a * e.pdf_w);
-        let (p, n) = (e.point.position, e.point.normal);
-        let Ray { origin: o, dir: d } = vertex::leave(p, n, e.dir);
-        let area = match e.point.light {
-            LightId::Emitter(i) => self.table.lamps.area(i),
-            _ => 0.0,
-        };
-        walker.rows[0] = Row([o.x, o.y, o.z, d.x, d.y, d.z, throughput.x, throughput.y]);
-        walker.rows[1] = Row([throughput.z, p.x, p.y, p.z, n.x, n.y, n.z, 1.0]);
-        let chance = self.context.lights.pdf_choice(e.point.light);
-        walker.rows[3].0[..5].copy_from_slice(&[1.0, 1.0, taken, chance, area]);
-        (walker, start, throughput != Vec3::ZERO && self.context.max_depth > 1)
-    }
 }
 
 /// All samples that are named, of row `y`: what each brings to its own pixel, and what to others, `done` is told.
@@ -223,7 +194,7 @@ pub(super) fn tile(
     let work = Work { table, context, h: context.settings.heuristic() };
     let Tile { records, camera, light, starts, escaped, lists } = tile;
     records.clear();
-    start::begin(job, context.camera, y, named, records);
+    super::start::begin(job, context.camera, y, named, records);
     camera.reset(records.len());
     camera.walkers.clear();
     camera.walkers.extend(records.iter().map(|record| work.camera(record)));
@@ -232,35 +203,22 @@ pub(super) fn tile(
     escaped.resize(records.len(), Vec3::ZERO);
     walk::all::<false>(&work, camera, context.max_depth, &[], escaped);
     light.reset(records.len());
-    light.walkers.clear();
-    starts.clear();
-    for (path, walker) in camera.walkers.iter().enumerate() {
-        let (walker, start, goes) = work.light(walker);
-        light.walkers.push(walker);
-        starts.push(start);
-        if goes {
-            light.active.push(path as u32);
-        }
-    }
-    walk::all::<true>(&work, light, context.max_depth.saturating_sub(1), starts, escaped);
+    starts.begin(&work, camera, light);
+    walk::all::<true>(&work, light, context.max_depth.saturating_sub(1), &starts.of, escaped);
     lists.reset(table.classes());
     for path in 0..records.len() {
         let mut taken = lists.own(&work, path, [&*light, &*camera], escaped[path]);
-        if let Some(start) = starts[path].as_ref().filter(|_| context.settings.wants(1, 1)) {
-            let mut sampler = Sampler::Independent(light.walkers[path].numbers(taken));
-            let found = seen(context, work.h, start, 0.0, &mut sampler);
-            taken += 4;
-            if let Some((connection, at)) = found {
-                let (x, sample) = named[path];
-                done(x, sample, Some(at.pixel), work.weighted(Some(connection)));
-            }
+        if context.settings.wants(1, 1) {
+            taken = starts.list(path, taken);
         }
         lists.lens(&work, path, light, taken);
     }
-    lists.make(&work, light, camera, &mut |path, pixel, value| {
+    let mut splat = |path: u32, pixel: [u32; 2], value: Vec3| {
         let (x, sample) = named[path as usize];
         done(x, sample, Some(pixel), value);
-    });
+    };
+    starts.see(&work, light, &mut splat);
+    lists.make(&work, light, camera, &mut splat);
     let mut values = vec![Vec3::ZERO; records.len()];
     lists.sum(&mut values);
     for ((x, sample), value) in named.iter().zip(values) {

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::{Node, Subpaths, Work};
+use super::start::Start;
+use super::{Node, Subpaths, Walker, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
@@ -11,7 +12,6 @@ use crate::render::cpu::streams::{set, stored};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::Mode;
 use crate::transport::integrator::bdpt::weights::{Chain, Link, Side};
-use crate::transport::light::EmissionSample;
 use crate::transport::ray::offset_by_axis;
 use crate::transport::sampler::Independent;
 use crate::transport::vertex::{area_factors, towards};
@@ -22,7 +22,7 @@ pub(super) fn all<const LIGHT: bool>(
     work: &Work,
     paths: &mut Subpaths,
     max_edges: u32,
-    starts: &[Option<EmissionSample>],
+    starts: &[Start],
     escaped: &mut [Vec3],
 ) {
     let mut active = std::mem::take(&mut paths.active);
@@ -70,7 +70,7 @@ struct Step<'a> {
     edge: u32,
     /// Whether there may be another.
     goes_on: bool,
-    starts: &'a [Option<EmissionSample>],
+    starts: &'a [Start],
 }
 
 impl Step<'_> {
@@ -90,15 +90,22 @@ impl Step<'_> {
         let common = table.common(self.class);
         let mode = if LIGHT { Mode::Importance } else { Mode::Radiance };
         let zero = Reals::of(0.0);
-        let way = transposed(lanes.map(|i| &paths.walkers[i].rows[0]));
-        let left = transposed(lanes.map(|i| &paths.walkers[i].rows[1]));
-        let met = transposed(lanes.map(|i| &paths.walkers[i].rows[2]));
-        let rest = transposed(lanes.map(|i| &paths.walkers[i].rows[3]));
+        let walkers: [&Walker; LANES] = std::array::from_fn(|i| &paths.walkers[lanes[i]]);
+        let way = transposed(walkers.map(|w| &w.rows[0]));
+        let left = transposed(walkers.map(|w| &w.rows[1]));
+        let met = transposed(walkers.map(|w| &w.rows[2]));
+        let rest = transposed(walkers.map(|w| &w.rows[3]));
+        let mut weights = [[0.0; LANES]; 3];
+        let mut primitives = [0; LANES];
+        let mut materials = [0; LANES];
+        for (i, walker) in walkers.into_iter().enumerate() {
+            [weights[0][i], weights[1][i], weights[2][i]] = walker.weights;
+            primitives[i] = walker.rows[2].0[3].to_bits();
+            materials[i] = table.row_of[primitives[i] as usize];
+        }
         let (origin, dir) = (Vectors::new(way[0], way[1], way[2]), Vectors::new(way[3], way[4], way[5]));
         let throughput = Vectors::new(way[6], way[7], left[0]);
         let before = [Vectors::new(left[1], left[2], left[3]), Vectors::new(left[4], left[5], left[6])];
-        let primitives = lanes.map(|i| paths.walkers[i].rows[2].0[3].to_bits());
-        let materials = primitives.map(|p| table.row_of[p as usize]);
 
         let point = points(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
         let here = [point.position, point.n_geometric];
@@ -108,17 +115,19 @@ impl Step<'_> {
             let mut end = plain_ends(before, here, dir, [chance, area]);
             let known = area.gt(zero);
             if (!known).any() {
-                let single = |i: usize| self.starts[i].map(|start| start.point);
-                let single = lanes.map(|i| single(i).filter(|_| paths.walkers[i].rows[3].0[4] <= 0.0));
-                end = with_singles(context, end, known, &single, here, dir);
+                let points = lanes.map(|i| match &self.starts[i] {
+                    Start::Single(start) => Some(start.point),
+                    _ => None,
+                });
+                end = with_singles(context, end, known, &points, here, dir);
             }
             let (some, chain) = Chain::new(h, end.link(h), end.next);
             (some, chain, end.back)
         } else {
             let [spread, back] = area_factors(before, here);
-            let [pdf_w, joint, tail] = [0, 1, 2].map(|k| lanes.map(|i| paths.walkers[i].weights[k]));
-            let link = Link { joint: Doubles::load(&joint), tail: Doubles::load(&tail) };
-            let (some, chain) = Chain::new(h, link, Doubles::load(&pdf_w) * spread.double());
+            let [pdf_w, joint, tail] = weights.each_ref();
+            let link = Link { joint: Doubles::load(joint), tail: Doubles::load(tail) };
+            let (some, chain) = Chain::new(h, link, Doubles::load(pdf_w) * spread.double());
             (some, chain, back)
         };
         let rows = materials.map(|m| &table.rows[m as usize]);
