@@ -197,6 +197,7 @@ fn the_bench_measures_every_integrator_and_keeps_the_figures() {
     assert_eq!(scene["scene"], "ball.scn");
     for name in lumbre::transport::integrator::INTEGRATORS.iter().map(|row| row.name) {
         let figures = &scene["integrators"][name];
+        assert!(figures["mpaths_per_s_in_lanes"].as_f64().unwrap() > 0.0);
         assert!(figures["mpaths_per_s"].as_f64().unwrap() > 0.0 && figures["spread"].as_f64().unwrap() >= 0.0);
         let variance = figures["variance"].as_f64();
         assert_eq!(figures["efficiency"].is_number(), variance.is_some(), "{figures}");

@@ -13,9 +13,11 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use super::turns::in_turns;
 use crate::film::Film;
 use crate::math::stats::median;
-use crate::render::{Job, backend};
+use crate::render::hierarchy::AccelSpec;
+use crate::render::{Job, WaveStats, backend};
 use crate::scene::CompiledScene;
 use crate::transport::integrator::IntegratorRow;
 
@@ -32,8 +34,10 @@ const ENOUGH_FINDS: f64 = 1000.0;
 pub struct Measured {
     /// Its name.
     pub name: &'static str,
-    /// Median of camera paths per second, in millions.
+    /// Median of camera paths per second, in millions, one path after the other, as a night has them unless it asks for lanes.
     pub mpaths_per_s: f64,
+    /// The same in the lanes of vectors, where the scene and the processor let it.
+    pub in_lanes: f64,
     /// Difference of the greatest and the least of them, over the median.
     pub spread: f64,
     /// Variance of one sample, mean over pixels and channels; `None` where the picture was made by fewer than
@@ -45,7 +49,7 @@ pub struct Measured {
     pub sample_s: f64,
 }
 
-/// Renders `repeats` waves after one for warming up.
+/// Renders `repeats` waves after one for warming up, alone and in lanes in turn.
 ///
 /// # Errors
 /// When the backend fails, with a message for people.
@@ -55,21 +59,24 @@ pub fn measure(
     threads: usize,
     repeats: usize,
 ) -> Result<Measured, String> {
-    let job = Job { threads, ..Job::plain(integrator, scene.resolution, scene.max_depth, 1) };
     let cpu = backend("cpu").ok_or("no cpu backend")?;
-    let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
-    renderer.advance(1).map_err(|e| e.to_string())?;
-    let mut rates = Vec::new();
-    for _ in 0..repeats {
-        let wave = renderer.advance(SAMPLES).map_err(|e| e.to_string())?;
-        rates.push(wave.paths as f64 / wave.render_s);
-    }
+    let open = |lanes: bool| {
+        let plain = Job::plain(integrator, scene.resolution, scene.max_depth, 1);
+        let job = Job { threads, accel: AccelSpec { lanes, ..plain.accel }, ..plain };
+        (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())
+    };
+    let mut both = [open(false)?, open(true)?];
+    let rate = |wave: &WaveStats| wave.paths as f64 / wave.render_s;
+    in_turns(&mut both, 1, 1, rate)?;
+    let turns = in_turns(&mut both, repeats, SAMPLES, rate)?;
+    let [rates, in_lanes] = [0, 1].map(|i| turns.iter().map(|turn| turn[i]).collect::<Vec<f64>>());
     let rate = median(rates.iter().copied());
     let (least, most) = rates.iter().fold((f64::MAX, 0.0f64), |(a, b), r| (a.min(*r), b.max(*r)));
-    let (mean, variance) = mean_and_variance(renderer.film());
+    let (mean, variance) = mean_and_variance(both[0].film());
     Ok(Measured {
         name: integrator.name,
         mpaths_per_s: rate / 1e6,
+        in_lanes: median(in_lanes) / 1e6,
         spread: (most - least) / rate,
         variance,
         mean,
@@ -102,6 +109,7 @@ impl Measured {
     pub fn to_json(&self) -> Json {
         json!({
             "mpaths_per_s": self.mpaths_per_s,
+            "mpaths_per_s_in_lanes": self.in_lanes,
             "spread": self.spread,
             "sample_s": self.sample_s,
             "mean": self.mean,

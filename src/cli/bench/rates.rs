@@ -95,7 +95,8 @@ pub fn table(rows: &[Row]) -> String {
         ]);
     }
     let time = format!("time to {:.0} %", RELATIVE_RMSE * 100.0);
-    let head = ["scene", "size", "depth", "integrator", "Mpaths/s", "spread", "variance", "efficiency", &time];
+    let head =
+        ["scene", "size", "depth", "integrator", "Mpaths/s", "in lanes", "spread", "variance", "efficiency", &time];
     let mut paths = vec![cells(head)];
     for row in rows {
         for m in &row.integrators {
@@ -105,6 +106,7 @@ pub fn table(rows: &[Row]) -> String {
                 row.max_depth.to_string(),
                 m.name.to_owned(),
                 format!("{:.3}", m.mpaths_per_s),
+                format!("{:.3}", m.in_lanes),
                 format!("{:.0} %", m.spread * 100.0),
                 or_dash(m.variance.map(|v| format!("{v:.3e}"))),
                 or_dash(m.efficiency().map(|e| format!("{e:.3e}"))),
