@@ -56,9 +56,9 @@ fn bsdfs(rows: [&[Row; 3]; LANES], common: &Common) -> Disney<Vectors> {
 
 /// Three vectors of each lane.
 #[inline(always)]
-fn three_vectors(of: &[[Vec3; 3]; LANES]) -> [Vectors; 3] {
+fn three_vectors(of: [&[Vec3; 3]; LANES]) -> [Vectors; 3] {
     let rows: [Row; LANES] = std::array::from_fn(|lane| {
-        let [a, b, c] = of[lane];
+        let [a, b, c] = *of[lane];
         Row([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y])
     });
     let last = Reals::load(&Row(std::array::from_fn(|lane| of[lane][2].z)));
@@ -83,8 +83,8 @@ pub(super) fn points(
         let [x, y, z, radius, ..] = transposed(rows.each_ref());
         return Point::on_sphere(Vectors::new(x, y, z), radius, origin + dir * t, dir);
     }
-    let corners = three_vectors(&primitives.map(|p| scene.triangles[p as usize]));
-    let normals = three_vectors(&primitives.map(|p| scene.attributes[p as usize].normals));
+    let corners = three_vectors(primitives.map(|p| &scene.triangles[p as usize]));
+    let normals = three_vectors(primitives.map(|p| &scene.attributes[p as usize].normals));
     Point::on_triangle(corners, normals, [v, w], dir)
 }
 

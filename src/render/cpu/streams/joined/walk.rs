@@ -26,22 +26,27 @@ pub(super) fn all<const LIGHT: bool>(
     escaped: &mut [Vec3],
 ) {
     let mut active = std::mem::take(&mut paths.active);
+    let (mut rays, mut hits) = (Vec::new(), Vec::new());
     let mut lists: Vec<Vec<u32>> = vec![Vec::new(); work.table.classes()];
     for edge in 1..=max_edges {
         // From the camera, the last edge finds light or nothing.
         let last = !LIGHT && edge == max_edges;
-        for path in active.drain(..) {
+        rays.clear();
+        rays.extend(active.iter().map(|path| (paths.walkers[*path as usize].ray(), f32::INFINITY)));
+        hits.clear();
+        work.context.trace.closest_each(&rays, &mut hits);
+        for (path, hit) in active.drain(..).zip(&hits) {
             let walker = &mut paths.walkers[path as usize];
-            let Some(hit) = work.context.trace.closest(&walker.ray(), f32::INFINITY) else {
+            let Some(hit) = hit else {
                 if !LIGHT {
                     escaped[path as usize] = work.escaped(walker, edge + 1);
                 }
                 continue;
             };
-            let found = if LIGHT { Vec3::ZERO } else { work.met(walker, &hit, edge + 1) };
+            let found = if LIGHT { Vec3::ZERO } else { work.met(walker, hit, edge + 1) };
             match work.table.class(hit.primitive).filter(|_| !last) {
                 Some(class) => {
-                    walker.meet(&hit, found);
+                    walker.meet(hit, found);
                     lists[class].push(path);
                 }
                 None if found != Vec3::ZERO => paths.push(path as usize, Node { found, ..Node::default() }),
