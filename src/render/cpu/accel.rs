@@ -160,6 +160,7 @@ impl Accel {
     }
 
     /// Whether every ray is tested with every primitive, and no mask decides.
+    #[cfg(target_arch = "x86_64")]
     pub(super) fn is_one_leaf(&self) -> bool {
         self.root & LEAF != 0 && self.places.is_empty() && self.compressed.is_none() && !self.masked
     }

@@ -7,7 +7,7 @@ use super::{Node, Subpaths, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
-use crate::render::cpu::streams::{set, stored};
+use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::bsdf::{BsdfValue, Mode};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
@@ -278,7 +278,8 @@ impl Work<'_> {
         let (mut pixels, mut weights) = ([[0; 2]; LANES], Row::default());
         if camera.filter() == FilterSpec::PIXEL {
             // As `FilterSpec::choose`: the pixel in which the place lies.
-            let [width, height] = camera.resolution().map(|n| Reals::of(n as f32));
+            let [width, height] = camera.resolution();
+            let (width, height) = (Reals::of(width as f32), Reals::of(height as f32));
             let [x, y] = at.place;
             let inside = ahead & x.ge(zero) & x.lt(width) & y.ge(zero) & y.lt(height);
             let [x, y] = [x.truncated().as_bits().store(), y.truncated().as_bits().store()];
@@ -339,7 +340,7 @@ pub(super) fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
 /// The keys of the numbers of paths.
 #[inline(always)]
 pub(super) fn keys(paths: &Subpaths, of: [u32; LANES]) -> [Words; 4] {
-    let [.., a, b, c, d] = transposed(of.map(|path| &paths.walkers[path as usize].rows[2]));
+    let [.., a, b, c, d] = transposed(each(of, |path| &paths.walkers[path as usize].rows[2]));
     [a.bits(), b.bits(), c.bits(), d.bits()]
 }
 

@@ -10,7 +10,7 @@ use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::math::{Frame, warp};
 use crate::render::cpu::streams::lamps::{Chosen, plain_ends};
 use crate::render::cpu::streams::shade::shadow_rays;
-use crate::render::cpu::streams::{set, stored};
+use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::integrator::bdpt::connect::seen;
 use crate::transport::integrator::bdpt::weights::others_of_seen;
 use crate::transport::light::{EmissionSample, area};
@@ -79,7 +79,7 @@ impl Starts {
     #[inline(always)]
     fn begin_eight(&mut self, work: &Work, paths: [u32; LANES], active: Yes, light: &mut Subpaths) {
         let zero = Reals::of(0.0);
-        let (key, taken) = (keys(light, paths), words(paths.map(|p| light.walkers[p as usize].taken())));
+        let (key, taken) = (keys(light, paths), words(each(paths, |p| light.walkers[p as usize].taken())));
         let [choice, u0, u1] = Independent::next_three(key, taken);
         let [v0, v1, _] = Independent::next_three(key, taken.add(Words::of(3)));
         let Chosen { rows: [a, b], chance, alone, .. } = work.table.lamps.choose(work.context, choice, active);
@@ -161,7 +161,7 @@ impl Starts {
     #[inline(always)]
     fn see_eight(&self, work: &Work, sights: [Sight; LANES], active: Yes, light: &Subpaths, waiting: &mut Waiting) {
         let zero = Reals::of(0.0);
-        let starts = sights.map(|s| match self.of[s.path as usize] {
+        let starts = each(sights, |s| match self.of[s.path as usize] {
             Start::Plain(rows) => rows,
             _ => [Row::default(); 2],
         });

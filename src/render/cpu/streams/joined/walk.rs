@@ -8,7 +8,7 @@ use crate::math::lanes::{Doubles, LANES, Reals, Vectors, Words, Yes, transposed}
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
-use crate::render::cpu::streams::{set, stored};
+use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::Mode;
 use crate::transport::integrator::bdpt::weights::{Chain, Link, Side};
@@ -120,7 +120,7 @@ impl Step<'_> {
             let mut end = plain_ends(before, here, dir, [chance, area]);
             let known = area.gt(zero);
             if (!known).any() {
-                let points = lanes.map(|i| match &self.starts[i] {
+                let points = each(lanes, |i| match &self.starts[i] {
                     Start::Single(start) => Some(start.point),
                     _ => None,
                 });
@@ -135,7 +135,7 @@ impl Step<'_> {
             let (some, chain) = Chain::new(h, link, Doubles::load(pdf_w) * spread.double());
             (some, chain, back)
         };
-        let rows = materials.map(|m| &table.rows[m as usize]);
+        let rows = each(materials, |m| &table.rows[m as usize]);
         let vertices = Vertices::new(point, wo, rows, &common, active & some);
         let [p, n, ns, t] = [point.position, point.n_geometric, point.n_shading, throughput];
         let first = stored([p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), back, zero]);
