@@ -33,6 +33,16 @@ pub trait Trace {
 
     /// Whether anything is hit with `0 < t < t_max`.
     fn occluded(&self, ray: &Ray, t_max: f32) -> bool;
+
+    /// [`Trace::closest`] of each ray with its `t_max`, appended in their order.
+    fn closest_each(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
+        hits.extend(rays.iter().map(|(ray, t_max)| self.closest(ray, *t_max)));
+    }
+
+    /// [`Trace::occluded`] of each ray with its `t_max`, appended in their order.
+    fn occluded_each(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
+        hidden.extend(rays.iter().map(|(ray, t_max)| self.occluded(ray, *t_max)));
+    }
 }
 
 /// A point moved off its surface along `n` just far enough that a ray from there does not meet the surface again.

@@ -185,6 +185,8 @@ fn every_setting_has_the_same_bits_in_lanes() {
         same("one strategy, raw", &scene, one(s, t, &[("mis", Value::from("none"))]), 5);
         same("all but one strategy", &scene, one(s, t, &[("contribution", Value::Bool(false))]), 5);
     }
+    // Deep paths have more connections than are listed at once.
+    same("deep", &scene, joined(plain([8, 4], 30)), 5);
     same("emission only", &scene, plain([23, 13], 1), 5);
     same("roulette, unjoined", &scene, unjoined(Job { rr_start: Some(2), ..plain([23, 13], 12) }), 5);
 }

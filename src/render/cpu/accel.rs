@@ -24,7 +24,7 @@ use crate::scene::compile::{MAX_PRIMITIVES, NONE};
 pub(super) const STACK: usize = 256;
 
 /// Scenes of no more primitives are one leaf: testing all of them costs less than finding out which.
-const ONE_LEAF: usize = 2 * LANES;
+pub(super) const ONE_LEAF: usize = 2 * LANES;
 
 /// A scene's hierarchy.
 pub struct Accel {
@@ -157,6 +157,12 @@ impl Accel {
         (self.root, self.cost) = (root.index, root.cost);
         (self.nodes, self.blocks) = (wide.nodes, wide.blocks);
         Ok(())
+    }
+
+    /// Whether every ray is tested with every primitive, and no mask decides.
+    #[cfg(target_arch = "x86_64")]
+    pub(super) fn is_one_leaf(&self) -> bool {
+        self.root & LEAF != 0 && self.places.is_empty() && self.compressed.is_none() && !self.masked
     }
 
     /// Number of eight-wide nodes.

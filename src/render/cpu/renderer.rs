@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::accel::Accel;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
-use super::streams::Streams;
+use super::streams::{Few, Streams};
 use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
 use crate::film::layer::LayerFilm;
@@ -178,6 +178,8 @@ struct Apart<'a> {
 /// The hierarchy with a counter of its rays, one for each row, so that counting shares nothing between threads.
 struct Counted<'a> {
     accel: &'a Accel,
+    /// What traces many rays at once, if anything does.
+    few: Option<&'a Few>,
     rays: Cell<u64>,
 }
 
@@ -190,6 +192,22 @@ impl Trace for Counted<'_> {
     fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
         self.rays.set(self.rays.get() + 1);
         self.accel.occluded(ray, t_max)
+    }
+
+    fn closest_each(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
+        self.rays.set(self.rays.get() + rays.len() as u64);
+        match self.few {
+            Some(few) => few.closest(rays, hits),
+            None => hits.extend(rays.iter().map(|(ray, t_max)| self.accel.closest(ray, *t_max))),
+        }
+    }
+
+    fn occluded_each(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
+        self.rays.set(self.rays.get() + rays.len() as u64);
+        match self.few {
+            Some(few) => few.occluded(rays, hidden),
+            None => hidden.extend(rays.iter().map(|(ray, t_max)| self.accel.occluded(ray, *t_max))),
+        }
     }
 }
 
@@ -212,7 +230,7 @@ impl Renderer for CpuRenderer {
         let (layer_rows, spec) = LayerSums::rows(layers, height);
         let streams = self.streams.as_ref();
         let render_row = |y: u32, [sum, sum2]: [&mut [[f64; 3]]; 2], apart: Apart| {
-            let trace = Counted { accel, rays: Cell::new(0) };
+            let trace = Counted { accel, few: streams.and_then(Streams::few), rays: Cell::new(0) };
             let context = Context {
                 scene,
                 camera,

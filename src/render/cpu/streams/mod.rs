@@ -13,6 +13,7 @@
 //! [`nee`]: crate::transport::integrator::nee
 //! [`bpt`]: crate::transport::integrator::bpt
 
+mod few;
 mod joined;
 mod lamps;
 mod shade;
@@ -23,6 +24,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
+pub use self::few::Few;
 use self::table::Table;
 use super::accel::Accel;
 use super::lanes::Isa;
@@ -65,6 +67,7 @@ type Named = (u32, u64);
 pub struct Streams {
     step: Option<StepFn>,
     table: Table,
+    few: Option<Few>,
 }
 
 /// A path between two steps: 32 numbers, rows 0 and 1 what [`State`] has and how many random numbers were taken, row 2
@@ -91,6 +94,9 @@ struct Tile {
     values: Vec<Vec3>,
     waiting: Vec<Waiting>,
     next: Vec<u32>,
+    rays: Vec<(Ray, f32)>,
+    hits: Vec<Option<Hit>>,
+    hidden: Vec<bool>,
 }
 
 impl Record {
@@ -141,7 +147,12 @@ impl Streams {
         }
         let pairs = kind.step.is_none();
         let table = Table::of(scene, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
-        table.map(|table| Streams { step: kind.step, table })
+        table.map(|table| Streams { step: kind.step, table, few: Few::of(scene, accel) })
+    }
+
+    /// What traces many rays at once, if anything does.
+    pub fn few(&self) -> Option<&Few> {
+        self.few.as_ref()
     }
 
     /// Some samples of all pixels of row `y`. What they bring is handed over with their column and index: first all that is
@@ -201,9 +212,13 @@ impl Streams {
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); self.table.classes()];
         for depth in 1..=context.max_depth {
             tile.next.clear();
-            for path in active.iter().copied() {
+            tile.rays.clear();
+            tile.rays.extend(active.iter().map(|path| (tile.records[*path as usize].ray(), f32::INFINITY)));
+            tile.hits.clear();
+            context.trace.closest_each(&tile.rays, &mut tile.hits);
+            for (i, path) in active.iter().copied().enumerate() {
+                let hit = tile.hits[i];
                 let record = &mut tile.records[path as usize];
-                let hit = context.trace.closest(&record.ray(), f32::INFINITY);
                 let class = hit.filter(|h| h.instance == NONE && depth < context.max_depth);
                 if let Some((class, hit)) = class.and_then(|h| Some((self.table.class(h.primitive)?, h))) {
                     record.meet(&hit);
@@ -218,8 +233,14 @@ impl Streams {
                 self.table.shade(class, context, depth, list, tile);
                 list.clear();
             }
+            tile.rays.clear();
+            // Points that coincide are not hidden from each other.
+            tile.rays.extend(tile.waiting.iter().map(|w| (w.ray, w.distance)).filter(|(_, d)| *d > 0.0 || d.is_nan()));
+            tile.hidden.clear();
+            context.trace.occluded_each(&tile.rays, &mut tile.hidden);
+            let mut hidden = tile.hidden.iter();
             for light in tile.waiting.drain(..) {
-                if light.distance <= 0.0 || !context.trace.occluded(&light.ray, light.distance) {
+                if light.distance <= 0.0 || hidden.next() == Some(&false) {
                     tile.values[light.path as usize] += light.value;
                 }
             }
@@ -259,6 +280,12 @@ fn brings_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
         Some(hit) => depth == context.max_depth && context.scene.emitter_of(hit.primitive, hit.instance) == NONE,
         None => context.scene.environment.is_none(),
     }
+}
+
+/// What a function makes of each lane. Unlike `map` of arrays it is always inlined.
+#[inline(always)]
+fn each<T, U>([a, b, c, d, e, f, g, h]: [T; LANES], of: impl Fn(T) -> U) -> [U; LANES] {
+    [of(a), of(b), of(c), of(d), of(e), of(f), of(g), of(h)]
 }
 
 /// Eight numbers of each lane in a row of its own.

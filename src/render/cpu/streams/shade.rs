@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
-use super::{SPECULAR, Tile, Waiting, set, stored};
+use super::{SPECULAR, Tile, Waiting, each, set, stored};
 use crate::math::Frame;
 use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
@@ -56,9 +56,9 @@ fn bsdfs(rows: [&[Row; 3]; LANES], common: &Common) -> Disney<Vectors> {
 
 /// Three vectors of each lane.
 #[inline(always)]
-fn three_vectors(of: &[[Vec3; 3]; LANES]) -> [Vectors; 3] {
+fn three_vectors(of: [&[Vec3; 3]; LANES]) -> [Vectors; 3] {
     let rows: [Row; LANES] = std::array::from_fn(|lane| {
-        let [a, b, c] = of[lane];
+        let [a, b, c] = *of[lane];
         Row([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y])
     });
     let last = Reals::load(&Row(std::array::from_fn(|lane| of[lane][2].z)));
@@ -83,8 +83,8 @@ pub(super) fn points(
         let [x, y, z, radius, ..] = transposed(rows.each_ref());
         return Point::on_sphere(Vectors::new(x, y, z), radius, origin + dir * t, dir);
     }
-    let corners = three_vectors(&primitives.map(|p| scene.triangles[p as usize]));
-    let normals = three_vectors(&primitives.map(|p| scene.attributes[p as usize].normals));
+    let corners = three_vectors(each(primitives, |p| &scene.triangles[p as usize]));
+    let normals = three_vectors(each(primitives, |p| &scene.attributes[p as usize].normals));
     Point::on_triangle(corners, normals, [v, w], dir)
 }
 
@@ -216,18 +216,19 @@ fn step_of_eight(
     tile: &mut Tile,
 ) {
     let zero = Reals::of(0.0);
-    let way = transposed(lanes.map(|i| &tile.records[i].rows[0]));
-    let state = transposed(lanes.map(|i| &tile.records[i].rows[1]));
-    let met = transposed(lanes.map(|i| &tile.records[i].rows[2]));
+    let records = each(lanes, |i| &tile.records[i]);
+    let way = transposed(each(records, |r| &r.rows[0]));
+    let state = transposed(each(records, |r| &r.rows[1]));
+    let met = transposed(each(records, |r| &r.rows[2]));
     let (origin, dir) = (Vectors::new(way[0], way[1], way[2]), Vectors::new(way[3], way[4], way[5]));
     let throughput = Vectors::new(way[6], way[7], state[0]);
     let key = [met[4].bits(), met[5].bits(), met[6].bits(), met[7].bits()];
     let mut taken = state[6].bits();
-    let primitives = lanes.map(|i| tile.records[i].rows[2].0[3].to_bits());
+    let primitives = each(records, |r| r.rows[2].0[3].to_bits());
     let active = Yes::first(count);
 
     let point = points(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
-    let rows = primitives.map(|p| &table.rows[table.row_of[p as usize] as usize]);
+    let rows = each(primitives, |p| &table.rows[table.row_of[p as usize] as usize]);
     let vertices = Vertices::new(point, -dir, rows, &common, active);
 
     if common.joined {

@@ -7,17 +7,51 @@ use super::{Node, Subpaths, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
-use crate::render::cpu::streams::{set, stored};
+use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::bsdf::{BsdfValue, Mode};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
 use crate::transport::integrator::bdpt::weights::{Chain, Side, others_of_ends, others_of_lens, others_of_next_event};
+use crate::transport::ray::Ray;
 use crate::transport::sampler::Independent;
 use crate::transport::surface::Point;
 use crate::transport::vertex::area_factor;
 
 /// Who is told of light for another pixel: the path that brings it, the pixel, and the light.
 pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3) + 'a;
+
+/// So many connections wait for their shadow rays until those are traced.
+const WAITING: usize = 64;
+
+/// Connections are made when so many are listed, or a tile is through.
+const LISTED: usize = 1 << 13;
+
+/// Where light goes that is found.
+#[derive(Clone, Copy)]
+pub(super) enum To {
+    /// A slot of [`Lists`].
+    Slot(u32),
+    /// A pixel, from a path.
+    Pixel(u32, [u32; 2]),
+}
+
+/// Light that waits for its shadow rays.
+#[derive(Default)]
+pub(super) struct Waiting {
+    rays: Vec<(Ray, f32)>,
+    lights: Vec<(Vec3, To)>,
+    hidden: Vec<bool>,
+}
+
+impl Waiting {
+    /// Takes the light of a row of values for whose ray a row of [`shadow_rays`] stands.
+    #[inline]
+    pub fn push(&mut self, ray: &Row, value: &Row, to: To) {
+        self.rays.push(shadow_ray(ray));
+        let [r, g, b, ..] = value.0;
+        self.lights.push((Vec3::new(r, g, b), to));
+    }
+}
 
 /// A camera vertex that is to be joined to a sampled point of a light.
 #[derive(Clone, Copy)]
@@ -62,11 +96,11 @@ pub(super) struct Lists {
     /// By the class of the light vertex.
     halves: Vec<Vec<Half>>,
     shots: Vec<Vec<Shot>>,
+    pub(super) waiting: Waiting,
 }
 
 impl Lists {
     pub fn reset(&mut self, classes: usize) {
-        self.slots.clear();
         self.events.resize_with(classes, Vec::new);
         self.pairs.resize_with(classes, Vec::new);
         self.halves.resize_with(classes, Vec::new);
@@ -119,21 +153,32 @@ impl Lists {
         }
     }
 
-    /// Makes all connections.
-    pub fn make(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, splat: &mut Splat) {
+    /// Whether it is time to make what is listed: deep paths have many connections.
+    pub fn are_full(&self) -> bool {
+        self.slots.len() >= LISTED
+    }
+
+    /// Makes all connections that are listed, and adds what each brings to its own pixel to the value of its sample.
+    pub fn make(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, values: &mut [Vec3], splat: &mut Splat) {
         #[expect(unsafe_code, reason = "functions that are compiled for AVX2")]
         // SAFETY: streams are made only where the processor has AVX2.
         unsafe {
             self.make_avx2(work, light, camera, splat);
         }
+        for (path, value) in self.slots.drain(..) {
+            values[path as usize] += value;
+        }
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     fn make_avx2(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, splat: &mut Splat) {
-        let Lists { slots, events, pairs, halves, shots } = self;
+        let Lists { slots, events, pairs, halves, shots, waiting } = self;
         for class in 0..events.len() {
             for group in events[class].chunks(LANES) {
-                next_events(work, class, group, camera, slots);
+                next_events(work, class, group, camera, waiting);
+                if waiting.lights.len() >= WAITING {
+                    work.resolve(waiting, slots, splat);
+                }
             }
             events[class].clear();
             for group in pairs[class].chunks(LANES) {
@@ -141,23 +186,23 @@ impl Lists {
             }
             pairs[class].clear();
             for group in shots[class].chunks(LANES) {
-                lens_shots(work, class, group, light, splat);
+                lens_shots(work, class, group, light, waiting);
+                if waiting.lights.len() >= WAITING {
+                    work.resolve(waiting, slots, splat);
+                }
             }
             shots[class].clear();
         }
         for (class, list) in halves.iter_mut().enumerate() {
             for group in list.chunks(LANES) {
-                ends(work, class, group, [light, camera], slots);
+                ends(work, class, group, [light, camera], waiting);
+                if waiting.lights.len() >= WAITING {
+                    work.resolve(waiting, slots, splat);
+                }
             }
             list.clear();
         }
-    }
-
-    /// Adds up what every sample brings to its own pixel.
-    pub fn sum(&self, values: &mut [Vec3]) {
-        for (path, value) in &self.slots {
-            values[*path as usize] += *value;
-        }
+        work.resolve(waiting, slots, splat);
     }
 }
 
@@ -167,19 +212,32 @@ impl Work<'_> {
         node.class.map(usize::from).filter(|class| self.table.common(*class).joined)
     }
 
-    /// Whether nothing lies on the way of a row of [`shadow_rays`].
-    pub(super) fn lit(&self, row: &Row) -> bool {
-        let (ray, distance) = shadow_ray(row);
-        distance <= 0.0 || !self.context.trace.occluded(&ray, distance)
+    /// Traces the rays that wait, and hands on what is not hidden.
+    pub(super) fn resolve(&self, waiting: &mut Waiting, slots: &mut [(u32, Vec3)], splat: &mut Splat) {
+        let Waiting { rays, lights, hidden } = waiting;
+        hidden.clear();
+        // Points that coincide are not hidden from each other.
+        if rays.iter().any(|(_, distance)| *distance <= 0.0) {
+            hidden.extend(rays.iter().map(|(ray, d)| (*d > 0.0 || d.is_nan()) && self.context.trace.occluded(ray, *d)));
+        } else {
+            self.context.trace.occluded_each(rays, hidden);
+        }
+        rays.clear();
+        for ((value, to), _) in lights.drain(..).zip(&*hidden).filter(|(_, hidden)| !**hidden) {
+            match to {
+                To::Slot(slot) => slots[slot as usize].1 = value,
+                To::Pixel(path, pixel) => splat(path, pixel, value),
+            }
+        }
     }
 
-    /// What is left of light when all strategies that find it have their share.
+    /// What is left of light when all strategies that find it have their share, in the lanes where it is of any use.
     #[inline(always)]
-    pub(super) fn shared(&self, unweighted: Vectors, others: Doubles) -> [Row; LANES] {
+    pub(super) fn shared(&self, unweighted: Vectors, others: Doubles, usable: Yes) -> [Row; LANES] {
         let zero = Reals::of(0.0);
         let one = Doubles::of(1.0);
         let weight = if self.context.settings.raw() { Reals::of(1.0) } else { (one / (one + others)).single() };
-        let value = unweighted * weight;
+        let value = Vectors::select(usable, unweighted * weight, Vectors::of(Vec3::ZERO));
         stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero])
     }
 }
@@ -220,7 +278,8 @@ impl Work<'_> {
         let (mut pixels, mut weights) = ([[0; 2]; LANES], Row::default());
         if camera.filter() == FilterSpec::PIXEL {
             // As `FilterSpec::choose`: the pixel in which the place lies.
-            let [width, height] = camera.resolution().map(|n| Reals::of(n as f32));
+            let [width, height] = camera.resolution();
+            let (width, height) = (Reals::of(width as f32), Reals::of(height as f32));
             let [x, y] = at.place;
             let inside = ahead & x.ge(zero) & x.lt(width) & y.ge(zero) & y.lt(height);
             let [x, y] = [x.truncated().as_bits().store(), y.truncated().as_bits().store()];
@@ -281,7 +340,7 @@ pub(super) fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
 /// The keys of the numbers of paths.
 #[inline(always)]
 pub(super) fn keys(paths: &Subpaths, of: [u32; LANES]) -> [Words; 4] {
-    let [.., a, b, c, d] = transposed(of.map(|path| &paths.walkers[path as usize].rows[2]));
+    let [.., a, b, c, d] = transposed(each(of, |path| &paths.walkers[path as usize].rows[2]));
     [a.bits(), b.bits(), c.bits(), d.bits()]
 }
 
@@ -292,7 +351,7 @@ pub(super) fn words(of: [u32; LANES]) -> Words {
 
 /// `s = 1`, `t >= 2`.
 #[inline(always)]
-fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, slots: &mut [(u32, Vec3)]) {
+fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, waiting: &mut Waiting) {
     let events = filled(group);
     let active = Yes::first(group.len());
     let zero = Reals::of(0.0);
@@ -314,13 +373,11 @@ fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, sl
     let end = d.ends(work.context, from);
     let others = others_of_next_event(work.h, &z.side, &end, &at_z);
     // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
-    let usable = end.direct.gt(Doubles::of(0.0)).bits();
-    let values = work.shared(unweighted, others);
+    let usable = end.direct.gt(Doubles::of(0.0));
+    let values = work.shared(unweighted, others, usable);
     let rays = shadow_rays(from, [d.at, d.normal], d.wi, d.endless);
     for i in set(lit.bits()) {
-        if work.lit(&rays[i]) && usable & 1 << i != 0 {
-            slots[events[i].slot as usize].1 = Vec3::from_slice(&values[i].0[..3]);
-        }
+        waiting.push(&rays[i], &values[i], To::Slot(events[i].slot));
     }
 }
 
@@ -346,7 +403,7 @@ fn halfway(work: &Work, class: usize, group: &[Pair], [light, camera]: [&Subpath
 
 /// `s >= 2`, `t >= 2`.
 #[inline(always)]
-fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 2], slots: &mut [(u32, Vec3)]) {
+fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 2], waiting: &mut Waiting) {
     let halves = filled(group);
     let active = Yes::first(group.len());
     let y = loaded(work, class, halves.map(|h| &light.nodes[h.pair.y as usize]), active);
@@ -370,18 +427,16 @@ fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 
     }
     let to = [wi.dot(at.n_geometric).abs() / distance2, wi.dot(z.n_geometric).abs() / distance2];
     let others = others_of_ends(work.h, [&y.side, &z_side], [&at_y, &at_z], to);
-    let values = work.shared(unweighted, others);
+    let values = work.shared(unweighted, others, lit);
     let rays = shadow_rays([z.position, z.n_geometric], [at.position, at.n_geometric], wi, Yes::of(false));
     for i in set(lit.bits()) {
-        if work.lit(&rays[i]) {
-            slots[halves[i].pair.slot as usize].1 = Vec3::from_slice(&values[i].0[..3]);
-        }
+        waiting.push(&rays[i], &values[i], To::Slot(halves[i].pair.slot));
     }
 }
 
 /// `s >= 2`, `t = 1`.
 #[inline(always)]
-fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, splat: &mut Splat) {
+fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, waiting: &mut Waiting) {
     let shots = filled(group);
     let active = Yes::first(group.len());
     let y = loaded(work, class, shots.map(|s| &light.nodes[s.y as usize]), active);
@@ -399,12 +454,10 @@ fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, splat
     }
     let spread = area_factor(at.lens, position, n_geometric);
     let others = others_of_lens(work.h, &y.side, &at_y, [at.pdf_w, spread]);
-    let values = work.shared(unweighted, others);
+    let values = work.shared(unweighted, others, lit);
     let nowhere = Vectors::of(Vec3::ZERO);
     let rays = shadow_rays([position, n_geometric], [at.lens, nowhere], at.dir, Yes::of(false));
     for i in set(lit.bits()) {
-        if work.lit(&rays[i]) {
-            splat(shots[i].path, pixels[i], Vec3::from_slice(&values[i].0[..3]));
-        }
+        waiting.push(&rays[i], &values[i], To::Pixel(shots[i].path, pixels[i]));
     }
 }

@@ -206,21 +206,23 @@ pub(super) fn tile(
     starts.begin(&work, camera, light);
     walk::all::<true>(&work, light, context.max_depth.saturating_sub(1), &starts.of, escaped);
     lists.reset(table.classes());
-    for path in 0..records.len() {
-        let mut taken = lists.own(&work, path, [&*light, &*camera], escaped[path]);
-        if context.settings.wants(1, 1) {
-            taken = starts.list(path, taken);
-        }
-        lists.lens(&work, path, light, taken);
-    }
+    let mut values = vec![Vec3::ZERO; records.len()];
     let mut splat = |path: u32, pixel: [u32; 2], value: Vec3| {
         let (x, sample) = named[path as usize];
         done(x, sample, Some(pixel), value);
     };
-    starts.see(&work, light, &mut splat);
-    lists.make(&work, light, camera, &mut splat);
-    let mut values = vec![Vec3::ZERO; records.len()];
-    lists.sum(&mut values);
+    for (path, escaped) in escaped.iter().enumerate() {
+        let mut taken = lists.own(&work, path, [&*light, &*camera], *escaped);
+        if context.settings.wants(1, 1) {
+            taken = starts.list(path, taken);
+        }
+        lists.lens(&work, path, light, taken);
+        if lists.are_full() {
+            lists.make(&work, light, camera, &mut values, &mut splat);
+        }
+    }
+    starts.see(&work, light, &mut lists.waiting, &mut splat);
+    lists.make(&work, light, camera, &mut values, &mut splat);
     for ((x, sample), value) in named.iter().zip(values) {
         done(*x, *sample, None, value);
     }

@@ -3,14 +3,14 @@
 
 use glam::Vec3;
 
-use super::connect::{Splat, filled, keys, words};
+use super::connect::{Splat, To, Waiting, filled, keys, words};
 use super::{Subpaths, Walker, Work};
 use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::math::{Frame, warp};
 use crate::render::cpu::streams::lamps::{Chosen, plain_ends};
 use crate::render::cpu::streams::shade::shadow_rays;
-use crate::render::cpu::streams::{set, stored};
+use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::integrator::bdpt::connect::seen;
 use crate::transport::integrator::bdpt::weights::others_of_seen;
 use crate::transport::light::{EmissionSample, area};
@@ -79,7 +79,7 @@ impl Starts {
     #[inline(always)]
     fn begin_eight(&mut self, work: &Work, paths: [u32; LANES], active: Yes, light: &mut Subpaths) {
         let zero = Reals::of(0.0);
-        let (key, taken) = (keys(light, paths), words(paths.map(|p| light.walkers[p as usize].taken())));
+        let (key, taken) = (keys(light, paths), words(each(paths, |p| light.walkers[p as usize].taken())));
         let [choice, u0, u1] = Independent::next_three(key, taken);
         let [v0, v1, _] = Independent::next_three(key, taken.add(Words::of(3)));
         let Chosen { rows: [a, b], chance, alone, .. } = work.table.lamps.choose(work.context, choice, active);
@@ -131,8 +131,8 @@ impl Starts {
         taken + 4
     }
 
-    /// Joins all starts that are listed to the lens.
-    pub fn see(&self, work: &Work, light: &Subpaths, splat: &mut Splat) {
+    /// Joins all starts that are listed to the lens; what lanes know then waits.
+    pub fn see(&self, work: &Work, light: &Subpaths, waiting: &mut Waiting, splat: &mut Splat) {
         let (plain, others): (Vec<Sight>, Vec<Sight>) =
             self.sights.iter().partition(|s| matches!(self.of[s.path as usize], Start::Plain(_)));
         for Sight { path, taken } in others {
@@ -146,22 +146,22 @@ impl Starts {
         #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
         // SAFETY: streams are made only where the processor has AVX2.
         unsafe {
-            self.see_avx2(work, &plain, light, splat);
+            self.see_avx2(work, &plain, light, waiting);
         }
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn see_avx2(&self, work: &Work, sights: &[Sight], light: &Subpaths, splat: &mut Splat) {
+    fn see_avx2(&self, work: &Work, sights: &[Sight], light: &Subpaths, waiting: &mut Waiting) {
         for group in sights.chunks(LANES) {
-            self.see_eight(work, filled(group), Yes::first(group.len()), light, splat);
+            self.see_eight(work, filled(group), Yes::first(group.len()), light, waiting);
         }
     }
 
     /// `s = 1`, `t = 1`.
     #[inline(always)]
-    fn see_eight(&self, work: &Work, sights: [Sight; LANES], active: Yes, light: &Subpaths, splat: &mut Splat) {
+    fn see_eight(&self, work: &Work, sights: [Sight; LANES], active: Yes, light: &Subpaths, waiting: &mut Waiting) {
         let zero = Reals::of(0.0);
-        let starts = sights.map(|s| match self.of[s.path as usize] {
+        let starts = each(sights, |s| match self.of[s.path as usize] {
             Start::Plain(rows) => rows,
             _ => [Row::default(); 2],
         });
@@ -180,12 +180,10 @@ impl Starts {
         let per_area = (seen.importance.double() / end.start).single();
         let unweighted = Vectors::new(red, green, blue) * cos * per_area;
         let lit = seen.inside & cos.gt(zero) & !unweighted.same(nowhere);
-        let values = work.shared(unweighted, others_of_seen(work.h, &end, seen.at.pdf_w));
+        let values = work.shared(unweighted, others_of_seen(work.h, &end, seen.at.pdf_w), lit);
         let rays = shadow_rays([at, normal], [lens, nowhere], dir, Yes::of(false));
         for i in set(lit.bits()) {
-            if work.lit(&rays[i]) {
-                splat(sights[i].path, seen.pixels[i], Vec3::from_slice(&values[i].0[..3]));
-            }
+            waiting.push(&rays[i], &values[i], To::Pixel(sights[i].path, seen.pixels[i]));
         }
     }
 }

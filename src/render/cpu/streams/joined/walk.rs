@@ -8,7 +8,7 @@ use crate::math::lanes::{Doubles, LANES, Reals, Vectors, Words, Yes, transposed}
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
-use crate::render::cpu::streams::{set, stored};
+use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::Mode;
 use crate::transport::integrator::bdpt::weights::{Chain, Link, Side};
@@ -26,22 +26,27 @@ pub(super) fn all<const LIGHT: bool>(
     escaped: &mut [Vec3],
 ) {
     let mut active = std::mem::take(&mut paths.active);
+    let (mut rays, mut hits) = (Vec::new(), Vec::new());
     let mut lists: Vec<Vec<u32>> = vec![Vec::new(); work.table.classes()];
     for edge in 1..=max_edges {
         // From the camera, the last edge finds light or nothing.
         let last = !LIGHT && edge == max_edges;
-        for path in active.drain(..) {
+        rays.clear();
+        rays.extend(active.iter().map(|path| (paths.walkers[*path as usize].ray(), f32::INFINITY)));
+        hits.clear();
+        work.context.trace.closest_each(&rays, &mut hits);
+        for (path, hit) in active.drain(..).zip(&hits) {
             let walker = &mut paths.walkers[path as usize];
-            let Some(hit) = work.context.trace.closest(&walker.ray(), f32::INFINITY) else {
+            let Some(hit) = hit else {
                 if !LIGHT {
                     escaped[path as usize] = work.escaped(walker, edge + 1);
                 }
                 continue;
             };
-            let found = if LIGHT { Vec3::ZERO } else { work.met(walker, &hit, edge + 1) };
+            let found = if LIGHT { Vec3::ZERO } else { work.met(walker, hit, edge + 1) };
             match work.table.class(hit.primitive).filter(|_| !last) {
                 Some(class) => {
-                    walker.meet(&hit, found);
+                    walker.meet(hit, found);
                     lists[class].push(path);
                 }
                 None if found != Vec3::ZERO => paths.push(path as usize, Node { found, ..Node::default() }),
@@ -115,7 +120,7 @@ impl Step<'_> {
             let mut end = plain_ends(before, here, dir, [chance, area]);
             let known = area.gt(zero);
             if (!known).any() {
-                let points = lanes.map(|i| match &self.starts[i] {
+                let points = each(lanes, |i| match &self.starts[i] {
                     Start::Single(start) => Some(start.point),
                     _ => None,
                 });
@@ -130,7 +135,7 @@ impl Step<'_> {
             let (some, chain) = Chain::new(h, link, Doubles::load(pdf_w) * spread.double());
             (some, chain, back)
         };
-        let rows = materials.map(|m| &table.rows[m as usize]);
+        let rows = each(materials, |m| &table.rows[m as usize]);
         let vertices = Vertices::new(point, wo, rows, &common, active & some);
         let [p, n, ns, t] = [point.position, point.n_geometric, point.n_shading, throughput];
         let first = stored([p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), back, zero]);
