@@ -6,7 +6,7 @@ use super::args::{CheckArgs, Global, ScriptArgs};
 use super::exit::{Exit, Failure, data, talk};
 use super::load;
 use super::run::counted;
-use crate::scene::{self, Note, SceneError};
+use crate::scene::{self, Note};
 use crate::script;
 
 /// Checks every file and goes on after an error.
@@ -49,13 +49,14 @@ fn scene(file: &Path, global: &Global) -> Result<String, Failure> {
     if file.is_dir() && !scene::load::is_folder(file) {
         return Err(Failure::usage(format!("{} is a folder: name the files in it", file.display())));
     }
-    let read = || -> Result<(scene::CompiledScene, Vec<Note>), SceneError> {
-        let (desc, mut notes) = load::scene(file, global.missing())?;
-        let (compiled, more) = scene::compile(&desc)?;
+    let read = || -> Result<(scene::CompiledScene, Vec<Note>), Failure> {
+        let (desc, mut notes) = load::scene(file, global.missing()).map_err(Failure::usage)?;
+        // What is wrong with a scene as a whole has no file of its own.
+        let (compiled, more) = scene::compile(&desc).map_err(|e| Failure::usage(format!("{}: {e}", file.display())))?;
         notes.extend(more);
         Ok((compiled, notes))
     };
-    let (compiled, notes) = read().map_err(Failure::usage)?;
+    let (compiled, notes) = read()?;
     for note in &notes {
         // What compiling notes is about the scene as a whole, which several files may have made.
         let whole = note.file.as_os_str().is_empty();

@@ -79,6 +79,10 @@ fn broken_scenes_name_file_and_place() {
     place.write("what.xyz", "?");
     let said = refused(&place, &["check", "cut.scn", "ball.scn", "what.xyz", "missing.obj"]);
     assert!(said.contains("cut.scn") && said.contains("what.xyz") && said.contains("missing.obj"), "{said}");
+    // Its camera looks nowhere, which is found when all has been read.
+    place.write("flat.scn", "{ \"camera\": { \"position\": [0, 1, 0], \"lookat\": [0, 1, 0] } }");
+    let said = refused(&place, &["check", "ball.scn", "flat.scn"]);
+    assert!(said.contains("flat.scn: camera"), "{said}");
     let script = place.read("night.lua").replace("ball.scn", "cut.scn");
     place.write("night.lua", &script);
     let said = refused(&place, &["run", "night.lua"]);

@@ -285,6 +285,21 @@ fn equal_scenes_are_equal_bytes_and_folders_of_others_are_left_alone() {
 }
 
 #[test]
+fn no_name_of_a_scene_leads_out_of_the_folder() {
+    let picture = texture("../../t.png", Texels::Rgba8(vec![[9, 99, 199, 255]; 4]));
+    let mut desc = gallery(vec![material("../../m", |m| m.set_texture(TextureSlot::BaseColor, Some(picture)))]);
+    desc.entities[0].name = "/../../up".to_owned();
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("m");
+    let exported = export::mitsuba(&desc, &folder).unwrap();
+    assert!(exported.files.len() >= 3, "a scene, a mesh and a picture");
+    let within = folder.canonicalize().unwrap();
+    for file in &exported.files {
+        assert!(file.canonicalize().unwrap().starts_with(&within), "{}", file.display());
+    }
+}
+
+#[test]
 fn scenes_of_our_own_come_back() {
     for name in
         ["cornell_spheres/cornell_spheres.scn", "veach_lamps/veach_lamps.scn", "masked_leaves/masked_leaves.scn"]

@@ -132,7 +132,8 @@ fn mistakes_name_their_place() {
 fn textures_that_cannot_be_read_are_refused_or_noted() {
     let place = folder("{materials: [{name: 'm'}]}");
     place.write("Textures/m_albedo.bmp", "BM");
-    assert!(place.load("scene.json").unwrap_err().to_string().contains("m_albedo.bmp"));
+    let e = place.load("scene.json").unwrap_err().to_string();
+    assert!(e.contains("m_albedo.bmp") && e.contains("`--lenient`"), "{e}");
     let (desc, notes) = load_with(&place.path("scene.json"), lumbre::scene::load::Missing::Noted).unwrap();
     assert!(desc.materials[0].textures.is_empty() && lines(&notes).contains("m_albedo.bmp"));
     assert_eq!(desc.materials[0].uv_offset, Vec2::ZERO);

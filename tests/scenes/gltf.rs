@@ -224,6 +224,7 @@ fn faults_name_what_is_wrong() {
         ("\"type\": \"SCALAR\"", "\"type\": \"MAT4\"", "accessors[3]"),
         ("b.bin", "../../etc/none", "buffers[0]"),
         ("a%20t.png", "none.png", "images[0]"),
+        ("a%20t.png", "none.png", "`--lenient`"),
         ("\"mesh\": 0, \"scale\"", "\"mesh\": -1, \"scale\"", "meshes"),
         ("\"translation\": [1, 0, 0]", "\"translation\": [1e999, 0, 0]", "a.gltf"),
     ] {

@@ -291,6 +291,10 @@ fn what_is_not_read_is_noted_and_what_is_wrong_is_refused_with_its_line() {
         ("<shape type=\"sphere\"><string name=\"radius\" value=\"1\"/></shape>", "expected a finite number"),
         ("<shape type=\"obj\"><string name=\"filename\" value=\"../../etc/none.obj\"/></shape>", "none.obj"),
         ("<bsdf type=\"conductor\"><string name=\"material\" value=\"Xx\"/></bsdf>", "Ag, Al, Au"),
+        (
+            "<bsdf type=\"diffuse\"><texture type=\"bitmap\" name=\"reflectance\"><string name=\"filename\" value=\"no.png\"/></texture></bsdf>",
+            "`--lenient` goes on without it",
+        ),
         ("<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"0\"/></bsdf>", "int_ior"),
         ("<bsdf type=\"diffuse\" id=\"a\"/><bsdf type=\"diffuse\" id=\"a\"/>", "two objects"),
         ("<wobble/>", "`wobble` is no element"),

@@ -73,9 +73,13 @@ fn a_missing_texture_names_material_and_file_or_is_a_note() {
         "entities": [ { "type": "sphere", "radius": 1, "material": "oak" } ] }"#;
     let folder = Folder::new(&[("a.scn", text)]);
     let e = folder.load("a.scn").unwrap_err().to_string();
-    for part in ["a.scn: materials[0].roughnesstexture", "material `oak`", "gone.png"] {
+    for part in
+        ["a.scn: materials[0].roughnesstexture", "material `oak`", "gone.png", "(`--lenient` goes on without it)"]
+    {
         assert!(e.contains(part), "{part} in {e}");
     }
+    let e = obj("newmtl a\nmap_Kd gone.png\n").load("m.obj").unwrap_err().to_string();
+    assert!(e.contains("m.mtl: line 2: texture of the material `a`") && e.contains("`--lenient`"), "{e}");
     let (desc, notes) = load_with(&folder.path("a.scn"), Missing::Noted).unwrap();
     let all = lines(&notes);
     for part in ["materials[0].roughnesstexture: ", "material `oak`", "gone.png", "the scalar value is used"] {

@@ -63,6 +63,16 @@ pub enum Missing {
     Noted,
 }
 
+/// An error about a texture, with what helps.
+fn missing_texture(e: SceneError) -> SceneError {
+    match e {
+        SceneError::Malformed { file, place, problem } => {
+            SceneError::Malformed { file, place, problem: format!("{problem} (`--lenient` goes on without it)") }
+        }
+        other => other,
+    }
+}
+
 /// Every scene format, in the order in which files are sniffed.
 pub const FORMATS: &[FormatRow] = &[
     FormatRow {

@@ -33,7 +33,7 @@ use serde_json::Value as Json;
 use super::images::Pictures;
 use super::obj::{Front, load_mesh};
 use super::scn::reader::{Object, Report, kind, shorten};
-use super::{Missing, read, scn};
+use super::{Missing, missing_texture, read, scn};
 use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MAX_SIDE,
     MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureDesc, TextureSlot, Transform,
@@ -260,7 +260,7 @@ impl Reader<'_> {
                 self.report.note(place, format!("{e}: the scalar value is used"));
                 Ok(None)
             }
-            Err(e) => Err(self.report.named_at(place, e)),
+            Err(e) => Err(missing_texture(self.report.named_at(place, e))),
         }
     }
 

@@ -9,8 +9,8 @@ use serde_json::Value as Json;
 use super::document::Document;
 use crate::scene::desc::material::MIN_IOR;
 use crate::scene::desc::{Lookup, MaskMode, MaterialDesc, TextureDesc, TextureSlot, Wrap};
-use crate::scene::load::Missing;
 use crate::scene::load::images::Pictures;
+use crate::scene::load::{Missing, missing_texture};
 use crate::scene::{Note, SceneError};
 
 /// Extensions that are read, in part or wholly.
@@ -303,7 +303,7 @@ impl<'a> Materials<'a> {
                 self.note(&place, format!("{e}: left out"));
                 None
             }
-            Err(e) => return Err(e),
+            Err(e) => return Err(missing_texture(e)),
         };
         self.images.insert(i, image.clone());
         Ok(image)

@@ -9,8 +9,8 @@ use glam::{Affine2, DAffine3, Mat2, Vec2, Vec3};
 use super::tree::{Item, Object};
 use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureSlot, Wrap};
-use crate::scene::load::Missing;
 use crate::scene::load::images::Pictures;
+use crate::scene::load::{Missing, missing_texture};
 use crate::scene::{Note, SceneError};
 
 /// Side of the picture of a checkerboard in texels: edges are blurred over a 128th of a field.
@@ -152,7 +152,7 @@ impl Textures {
                 notes.push(o.note(format!("{e}: left out")));
                 return Ok(None);
             }
-            Err(e) => return Err(o.error(e.to_string())),
+            Err(e) => return Err(missing_texture(o.error(e.to_string()))),
         };
         if raw {
             return self.pictures.made(&image, "raw", |texel| texel).map(Some).map_err(|problem| o.error(problem));

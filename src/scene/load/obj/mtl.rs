@@ -27,7 +27,7 @@ use glam::{Affine2, Vec2, Vec3};
 use crate::scene::desc::material::MIN_IOR;
 use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, TextureDesc, TextureSlot, Wrap};
 use crate::scene::load::images::{self, Pictures};
-use crate::scene::load::{Missing, read};
+use crate::scene::load::{Missing, missing_texture, read};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a material file in bytes.
@@ -211,7 +211,7 @@ impl File<'_> {
                 let whose = self.materials.last().map_or("", |(m, _)| m.name.as_str());
                 let problem = format!("texture of the material `{}`: {e}", shorten(whose));
                 if self.missing == Missing::Refused {
-                    return Err(self.error(line, problem));
+                    return Err(missing_texture(self.error(line, problem)));
                 }
                 self.note(line, format!("{problem}: the scalar value is used"));
                 return Ok(());

@@ -7,8 +7,8 @@ use serde_json::Value as Json;
 use super::reader::{Object, Report, number, numbers, shorten};
 use crate::scene::SceneError;
 use crate::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
-use crate::scene::load::Missing;
 use crate::scene::load::images::Pictures;
+use crate::scene::load::{Missing, missing_texture};
 use crate::value::Value;
 use crate::value::schema::Ty;
 
@@ -46,7 +46,7 @@ impl Textures {
             other => return other,
         };
         match report.missing {
-            Missing::Refused => Err(error),
+            Missing::Refused => Err(missing_texture(error)),
             Missing::Noted => {
                 report.note(object.at(key), format!("{error}: the scalar value is used"));
                 Ok(None)
