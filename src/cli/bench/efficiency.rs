@@ -126,8 +126,15 @@ mod tests {
 
     #[test]
     fn figures_follow_from_variance_and_time() {
-        let measured =
-            Measured { name: "x", mpaths_per_s: 1.0, spread: 0.0, variance: Some(4.0), mean: 2.0, sample_s: 0.1 };
+        let measured = Measured {
+            name: "x",
+            mpaths_per_s: 1.0,
+            in_lanes: 2.0,
+            spread: 0.0,
+            variance: Some(4.0),
+            mean: 2.0,
+            sample_s: 0.1,
+        };
         assert!((measured.efficiency().unwrap() - 2.5).abs() < 1e-12);
         // 4 / n = (0.05 * 2)^2 after 400 samples.
         assert!((measured.time_to_rmse_s().unwrap() - 40.0).abs() < 1e-9);
