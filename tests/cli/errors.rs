@@ -79,10 +79,15 @@ fn broken_scenes_name_file_and_place() {
     place.write("what.xyz", "?");
     let said = refused(&place, &["check", "cut.scn", "ball.scn", "what.xyz", "missing.obj"]);
     assert!(said.contains("cut.scn") && said.contains("what.xyz") && said.contains("missing.obj"), "{said}");
-    // Its camera looks nowhere, which is found when all has been read.
-    place.write("flat.scn", "{ \"camera\": { \"position\": [0, 1, 0], \"lookat\": [0, 1, 0] } }");
-    let said = refused(&place, &["check", "ball.scn", "flat.scn"]);
-    assert!(said.contains("flat.scn: camera"), "{said}");
+    // Corners so far away that no camera frames them, which is found when all has been read.
+    let far = r#"{ "asset": { "version": "2.0" }, "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "buffers": [{ "byteLength": 36, "uri": "data:;base64,5rFhfwAAAAAAAAAA5rFh/wAAAAAAAAAAAAAAAAAAgD8AAAAA" }] }"#;
+    place.write("far.gltf", far);
+    let said = refused(&place, &["check", "ball.scn", "far.gltf"]);
+    assert!(said.contains("far.gltf: camera"), "{said}");
     let script = place.read("night.lua").replace("ball.scn", "cut.scn");
     place.write("night.lua", &script);
     let said = refused(&place, &["run", "night.lua"]);
