@@ -216,7 +216,7 @@ fn the_bench_measures_scenes_with_options_and_views() {
         "lit.lua",
         "local s = scene { resolution = { 16, 9 }, max_depth = 2 }\n\
          local on = s:option('lamp', { 'on', 'off' })\n\
-         s:add { shape = shape.sphere {}, material = 'white' }\n\
+         s:add { shape = shape.sphere { radius = 1 }, material = 'white' }\n\
          s:material('white', {})\n\
          s:environment { color = on == 'on' and { 1, 1, 1 } or { 0.1, 0.1, 0.1 } }\n\
          s:camera { position = { 0, 0, 5 }, target = { 0, 0, 0 }, fov = 40 }\n\
