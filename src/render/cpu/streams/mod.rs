@@ -108,8 +108,7 @@ impl Record {
     }
 
     fn ray(&self) -> Ray {
-        let [x, y, z, u, v, w, ..] = self.rows[0].0;
-        Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+        ray_in(&self.rows[0])
     }
 
     fn state(&self) -> State {
@@ -120,13 +119,38 @@ impl Record {
     }
 
     fn numbers(&self) -> Independent {
-        let [.., a, b, c, d] = self.rows[2].0;
-        Independent::resumed([a, b, c, d].map(f32::to_bits), self.rows[1].0[6].to_bits())
+        numbers_in(&self.rows[2], self.rows[1].0[6].to_bits())
     }
 
     fn meet(&mut self, hit: &Hit) {
-        self.rows[2].0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+        put_hit(&mut self.rows[2], hit);
     }
+}
+
+/// The ray with which a row begins.
+#[inline]
+fn ray_in(row: &Row) -> Ray {
+    let [x, y, z, u, v, w, ..] = row.0;
+    Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+}
+
+/// The numbers with whose key a row ends, once so many of them are taken.
+#[inline]
+fn numbers_in(row: &Row, taken: u32) -> Independent {
+    let [.., a, b, c, d] = row.0;
+    Independent::resumed([a, b, c, d].map(f32::to_bits), taken)
+}
+
+/// Lets a row begin with where a ray met what.
+#[inline]
+fn put_hit(row: &mut Row, hit: &Hit) {
+    row.0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+}
+
+/// So many of a group as there are lanes. Lanes that have none do again what the first has, for nothing.
+#[inline(always)]
+fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
+    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
 }
 
 impl Streams {
