@@ -277,6 +277,7 @@ pub struct SplatBuffer {
     /// The same by stripe, while they are handed over, and where each stripe's begin.
     sorted: Vec<(u32, [f32; 3])>,
     starts: Vec<u32>,
+    locks: u64,
 }
 
 impl SplatBuffer {
@@ -289,6 +290,11 @@ impl SplatBuffer {
             self.waiting.push((pixel as u32, value));
         }
         fits
+    }
+
+    /// How many locks it has taken to hand over what it held.
+    pub fn locks(&self) -> u64 {
+        self.locks
     }
 
     /// Whether nothing waits.
@@ -323,6 +329,7 @@ impl SplatBuffer {
         let mut without_room = 0;
         for group in self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE) {
             let mut stripe = sums.open(group[0].0 as usize / STRIPE);
+            self.locks += 1;
             for (i, (pixel, value)) in group.iter().enumerate() {
                 if let Some((later, _)) = group.get(i + AHEAD) {
                     prefetch(&stripe[*later as usize % STRIPE]);

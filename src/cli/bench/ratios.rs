@@ -2,15 +2,17 @@
 
 use std::sync::Arc;
 
+use glam::Vec3;
 use serde_json::{Value as Json, json};
 
 use super::subject::Subject;
 use super::turns::in_turns;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
+use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer, WaveStats, backend};
 use crate::scene::compile::{Sharing, compile_sharing};
-use crate::scene::desc::{SceneDesc, TextureSlot};
+use crate::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
 use crate::scene::load::Missing;
 use crate::scene::{CompiledScene, compile};
 use crate::script::scene;
@@ -23,6 +25,10 @@ const SAMPLES: u64 = 2;
 const MANY: i64 = 10_000;
 /// Most that masked geometry, copies and lights may cost in relation to the same without.
 const MOST: f64 = 1.5;
+/// Threads for which shared writes are counted.
+const THREADS: usize = 64;
+/// Samples of the wave in which they are.
+const WAVE: u64 = 16;
 /// Least gain of a second thread.
 const GAIN: f64 = 1.9;
 
@@ -64,9 +70,17 @@ pub struct Ratio {
     aim: String,
 }
 
+/// What threads write that others write to as well.
+pub struct Shared {
+    integrator: &'static str,
+    /// Writes for each thousand paths, with one thread and with [`THREADS`].
+    writes: [f64; 2],
+}
+
 /// Everything that is measured here.
 pub struct Ratios {
     rows: Vec<Ratio>,
+    shared: Vec<Shared>,
 }
 
 impl Ratios {
@@ -113,9 +127,17 @@ impl Ratios {
         {
             let lights = |count: i64| {
                 let options = [("lights", Value::Int(count)), ("kind", kind.into())];
-                compiled(&read("many_lights.lua", LAMPS, &options)?)
+                read("many_lights.lua", LAMPS, &options)
             };
-            rows.push(Ratio::of([what, beside], nee, "path", &[lights(MANY)?, lights(1)?], turns)?);
+            let many = lights(MANY)?;
+            let pair = [compiled(&many)?, compiled(&lights(1)?)?];
+            rows.push(Ratio::of([what, beside], nee, "ray", &pair, turns)?);
+            if kind == "spheres" {
+                // The same rays meet the same spheres, so that what is left is what choosing among many costs.
+                let [all, _] = pair;
+                let pair = [all, compiled(&one_lit(many))?];
+                rows.push(Ratio::of([what, "one lit of as many"], nee, "ray", &pair, turns)?);
+            }
         }
 
         say("measuring threads");
@@ -124,7 +146,9 @@ impl Ratios {
         for row in INTEGRATORS {
             rows.push(threads(&scene, row, turns)?);
         }
-        Ok(Ratios { rows })
+        say("counting what threads share");
+        let shared = INTEGRATORS.iter().map(|row| Shared::of(&scene, row)).collect::<Result<_, _>>()?;
+        Ok(Ratios { rows, shared })
     }
 
     /// The table for people.
@@ -143,7 +167,13 @@ impl Ratios {
                 row.aim.clone(),
             ]);
         }
-        aligned(&lines)
+        let mut text = aligned(&lines);
+        text += &format!("\n\nwrites to what threads share, for each 1000 paths, one thread and {THREADS}:\n");
+        for shared in &self.shared {
+            let [one, many] = shared.writes;
+            text += &format!("{:<5} {one:>8.3} {many:>8.3}\n", shared.integrator);
+        }
+        text
     }
 
     /// The same figures as JSON.
@@ -154,8 +184,36 @@ impl Ratios {
                 "ratio": row.ratio, "aim": row.aim,
             })
         });
-        Json::Array(rows.collect())
+        let shared = self.shared.iter().map(|shared| {
+            json!({ "integrator": shared.integrator, "threads": [1, THREADS], "writes_per_1000_paths": shared.writes })
+        });
+        json!({ "rows": rows.collect::<Json>(), "shared": shared.collect::<Json>() })
     }
+}
+
+impl Shared {
+    /// Of a wave as long as those of a night, with as many threads as nobody has here: counted, not timed.
+    fn of(scene: &Arc<CompiledScene>, row: &'static IntegratorRow) -> Result<Shared, String> {
+        let writes = |threads: usize| {
+            let job = Job { threads, ..Job::plain(row, scene.resolution, scene.max_depth, 1) };
+            let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
+            let wave = renderer.advance(WAVE).map_err(|e| e.to_string())?;
+            Ok::<_, String>(renderer.shared_writes() as f64 * 1e3 / wave.paths as f64)
+        };
+        Ok(Shared { integrator: row.name, writes: [writes(1)?, writes(THREADS)?] })
+    }
+}
+
+/// The same with but one of its lamps lit.
+fn one_lit(mut desc: SceneDesc) -> SceneDesc {
+    let lit: Vec<String> = desc.materials.iter().filter(|m| m.emission != Vec3::ZERO).map(|m| m.name.clone()).collect();
+    let shines = |material: &Option<String>| material.as_ref().is_some_and(|name| lit.contains(name));
+    let dark = "dark".to_owned();
+    for entity in desc.entities.iter_mut().filter(|entity| shines(&entity.material)).skip(1) {
+        entity.material = Some(dark.clone());
+    }
+    desc.materials.push(MaterialDesc { base_color: Vec3::ZERO, ..MaterialDesc::new(&dark) });
+    desc
 }
 
 impl Ratio {
@@ -204,6 +262,7 @@ fn open(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, threads: usize)
 mod tests {
     use super::*;
     use crate::cli::builtin::BuiltIn;
+    use crate::scene::compile::NONE;
     use std::collections::BTreeMap;
 
     #[test]
@@ -217,6 +276,13 @@ mod tests {
         };
         let lamps = |count: i64| compiled(&read(LAMPS, "lights", count)).unwrap().spheres.len();
         assert_eq!(lamps(50) - lamps(1), 49);
+        let shining = |desc: &SceneDesc| {
+            let scene = compiled(desc).unwrap();
+            [scene.spheres.len(), scene.spheres.iter().filter(|s| s.emitter != NONE).count()]
+        };
+        let many = read(LAMPS, "lights", 50);
+        let [spheres, lit] = shining(&many);
+        assert_eq!((lit, shining(&one_lit(many))), (50, [spheres, 1]));
         let copies = read(COPIES, "count", 30);
         let of = |sharing| compile_sharing(&copies, sharing).unwrap().0;
         let (own, flat) = (of(Sharing::Always), of(Sharing::Never));
@@ -239,9 +305,13 @@ mod tests {
         assert!(turns.iter().all(|turn| turn[1] == 1.0 && turn[0] > 2.0), "{turns:?}");
         let ratio = Ratio::of(["twelve edges", "one"], nee, "path", &[Arc::clone(&small), shallow(&small)], 3).unwrap();
         assert!(ratio.ns.iter().all(|ns| *ns > 0.0) && ratio.ratio > 0.0, "{:?}", ratio.ns);
-        let table = Ratios { rows: vec![ratio, threads(&small, nee, 1).unwrap()] };
+        let shared = vec![Shared::of(&small, nee).unwrap()];
+        let table = Ratios { rows: vec![ratio, threads(&small, nee, 1).unwrap()], shared };
         assert!(table.table().contains("<= 1.5") && table.table().contains(">= 1.9"), "{}", table.table());
-        assert_eq!(table.to_json()[0]["of_each"], "path");
+        assert_eq!(table.to_json()["rows"][0]["of_each"], "path");
+        // Nothing but rows, however many threads there are.
+        let paths = 32.0 * 24.0 * WAVE as f64;
+        assert_eq!(table.shared[0].writes, [3.0 * 24.0 * 1e3 / paths; 2]);
     }
 
     fn shallow(scene: &CompiledScene) -> Arc<CompiledScene> {

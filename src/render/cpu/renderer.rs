@@ -52,6 +52,8 @@ pub struct CpuRenderer {
     times: Option<TimeSums>,
     /// The film that is the sum of those, made when it is asked for: that takes a look at every bin.
     timed: OnceLock<Film>,
+    /// See [`CpuRenderer::shared_writes`].
+    shared_writes: u64,
     open_stats: OpenStats,
 }
 
@@ -94,6 +96,7 @@ impl CpuRenderer {
             streams,
             times,
             timed: OnceLock::new(),
+            shared_writes: 0,
             accel,
             scene,
             job,
@@ -109,15 +112,22 @@ impl CpuRenderer {
         self.streams.is_some()
     }
 
+    /// How often its threads have written, in all waves, to what others write to as well: took a row from the others, a buffer
+    /// from those that lie idle and put it back, or locked pixels to add splats. All else that a thread writes is its own.
+    pub fn shared_writes(&self) -> u64 {
+        self.shared_writes
+    }
+
     /// Joins splats and own samples into one film.
     fn join(&mut self) {
         let Some(splats) = self.splats.get().filter(|_| self.own.samples > 0) else { return };
         let own = &self.own;
         let film = self.joint.get_or_insert_with(|| Film::new(own.width, own.height));
         film.samples = own.samples;
-        for (i, (sum, sum2)) in film.sum.iter_mut().zip(&mut film.sum2).enumerate() {
-            (*sum, *sum2) = splats.join(i, own.sum[i], own.sum2[i], own.samples);
-        }
+        let joined = film.sum.par_iter_mut().zip(&mut film.sum2).enumerate();
+        self.pool.install(|| {
+            joined.for_each(|(i, (sum, sum2))| (*sum, *sum2) = splats.join(i, own.sum[i], own.sum2[i], own.samples));
+        });
     }
 }
 
@@ -324,10 +334,13 @@ impl Renderer for CpuRenderer {
                 .map(|((y, (sum, sum2)), apart)| render_row(y as u32, [sum, sum2], apart))
                 .reduce(RowStats::default, RowStats::merge)
         });
-        let mut without_room = 0;
-        for buffer in idle().iter_mut().filter(|b| !b.is_empty()) {
-            without_room += buffer.flush(sums());
-        }
+        // By all threads: there are as many buffers as those, and one of them would keep the others waiting.
+        let without_room: u64 = pool.install(|| {
+            let mut left = idle();
+            left.par_iter_mut().filter(|b| !b.is_empty()).map(|buffer| buffer.flush(sums())).sum()
+        });
+        let locks: u64 = idle().iter().map(SplatBuffer::locks).sum();
+        self.shared_writes += 3 * u64::from(height) + locks;
         film.samples += samples;
         let paths = samples * film.sum.len() as u64;
         self.join();
