@@ -61,6 +61,14 @@ impl CpuRenderer {
     /// # Errors
     /// When the threads cannot be started, the scene's hierarchy cannot be used, or layers or bins are too large.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, RenderError> {
+        CpuRenderer::with_isa(scene, job, Isa::detect())
+    }
+
+    /// The same for a set of instructions, one of [`Isa::available`].
+    ///
+    /// # Errors
+    /// As of [`CpuRenderer::new`].
+    pub fn with_isa(scene: Arc<CompiledScene>, job: Job, isa: Isa) -> Result<CpuRenderer, RenderError> {
         let failed = |reason: String| RenderError::Failed { backend: "cpu", reason };
         let layers = LayerSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let pool = rayon::ThreadPoolBuilder::new()
@@ -70,9 +78,8 @@ impl CpuRenderer {
             .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
         let times = pool.install(|| TimeSums::of(&job));
         let times = times.map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
-        let accel = pool
-            .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
-            .map_err(|e| failed(e.to_string()))?;
+        let accel =
+            pool.install(|| Accel::build_as(Arc::clone(&scene), &job.accel, isa)).map_err(|e| failed(e.to_string()))?;
         // Not the one that came where the builder knows no copies: primitives are numbered as the hierarchy's scene has them.
         let scene = Arc::clone(&accel.scene);
         let streams = Streams::of(&scene, &job, &accel);

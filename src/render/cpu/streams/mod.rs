@@ -1,5 +1,5 @@
-//! Many paths of `nee` or `bpt` together, a step of all of them before the next: eight at a time are shaded in the lanes
-//! of one vector, between steps sorted by what their surfaces need.
+//! Many paths of `nee` or `bpt` together, a step of all of them before the next: as many as a vector has lanes are shaded at a
+//! time, between steps sorted by what their surfaces need. That is sixteen with AVX-512, and eight with AVX2 alone.
 //!
 //! A tile is 256 samples, one after the other as the loop over pixels has them, which begin [in lanes](start). In each step
 //! their rays are traced one by one, as ever; those that met a surface which [lanes know](table) are gathered by its class
@@ -28,7 +28,7 @@ pub use self::few::Few;
 use self::table::Table;
 use super::accel::Accel;
 use super::lanes::Isa;
-use crate::math::lanes::{LANES, Reals, Row, transposed};
+use crate::math::lanes::{Row, Width};
 use crate::render::Job;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
@@ -142,12 +142,17 @@ impl Streams {
             && !Settings::new(&job.params).all_lights
             && scene.delays.is_empty()
             && !scene.materials.iter().any(|m| m.shadow_terminator);
-        if !plain || accel.isa() != Isa::Avx2 {
+        if !plain {
             return None;
         }
+        let width = match accel.isa() {
+            Isa::Portable => None,
+            Isa::Avx2 => Width::eight(),
+            Isa::Avx512 => Width::sixteen(),
+        }?;
         let pairs = kind.step.is_none();
-        let table = Table::of(scene, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
-        table.map(|table| Streams { step: kind.step, table, few: Few::of(scene, accel) })
+        let table = Table::of(scene, width, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
+        table.map(|table| Streams { step: kind.step, table, few: Few::of(scene, accel, width) })
     }
 
     /// What traces many rays at once, if anything does.
@@ -198,7 +203,7 @@ impl Streams {
         done: &mut impl FnMut(u32, u64, Option<[u32; 2]>, Vec3),
     ) {
         tile.records.clear();
-        start::begin(job, context.camera, y, named, &mut tile.records);
+        start::begin(self.table.width, job, context.camera, y, named, &mut tile.records);
         tile.values.clear();
         tile.values.resize(tile.records.len(), Vec3::ZERO);
         self.paths(step, context, named, y, tile);
@@ -280,28 +285,4 @@ fn brings_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
         Some(hit) => depth == context.max_depth && context.scene.emitter_of(hit.primitive, hit.instance) == NONE,
         None => context.scene.environment.is_none(),
     }
-}
-
-/// What a function makes of each lane. Unlike `map` of arrays it is always inlined.
-#[inline(always)]
-fn each<T, U>([a, b, c, d, e, f, g, h]: [T; LANES], of: impl Fn(T) -> U) -> [U; LANES] {
-    [of(a), of(b), of(c), of(d), of(e), of(f), of(g), of(h)]
-}
-
-/// Eight numbers of each lane in a row of its own.
-#[inline(always)]
-fn stored([a, b, c, d, e, f, g, h]: [Reals; 8]) -> [Row; LANES] {
-    let rows = [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()];
-    let [a, b, c, d, e, f, g, h] = transposed(rows.each_ref());
-    [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()]
-}
-
-/// The lanes whose bits are set.
-#[inline(always)]
-fn set(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < LANES).then_some(lane)
-    })
 }

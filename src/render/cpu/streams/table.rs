@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::Tile;
 use super::lamps::Lamps;
 use super::shade;
-use crate::math::lanes::Row;
+use crate::math::lanes::{Row, Width};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{Material, Model, NONE};
 use crate::transport::bsdf::disney::Disney;
@@ -17,6 +17,8 @@ const ALONE: u8 = u8::MAX;
 /// Surfaces of the model `disney` without textures, which do not shine, and whose highlights are round. They are sorted into
 /// classes: those of one have the same lobes, so that lanes seldom wait for each other.
 pub(super) struct Table {
+    /// How many lanes there are.
+    pub(super) width: Width,
     /// Of every primitive, its class.
     class_of: Vec<u8>,
     /// Of every primitive, its row of `rows`.
@@ -80,7 +82,7 @@ fn known(scene: &CompiledScene, m: &Material) -> Option<Disney> {
 impl Table {
     /// Of a scene, for paths whose vertices are joined to lights or not, without surfaces that shine or with those that
     /// reflect as well; `None` where lanes know none of its surfaces.
-    pub fn of(scene: &CompiledScene, joined: bool, shining: bool) -> Option<Table> {
+    pub fn of(scene: &CompiledScene, width: Width, joined: bool, shining: bool) -> Option<Table> {
         let known: Vec<Option<Disney>> = scene.materials.iter().map(|m| known(scene, m)).collect();
         let mut classes: BTreeMap<Common, u8> = BTreeMap::new();
         let mut class_of = vec![ALONE; scene.primitive_count()];
@@ -105,7 +107,7 @@ impl Table {
         common.sort_unstable_by_key(|(class, _)| *class);
         let common: Vec<Common> = common.into_iter().map(|(_, common)| common).collect();
         let lamps = if joined { Lamps::of(scene) } else { Lamps::default() };
-        (!common.is_empty()).then_some(Table { class_of, row_of, rows, common, lamps })
+        (!common.is_empty()).then_some(Table { width, class_of, row_of, rows, common, lamps })
     }
 
     /// Whether lanes know every surface that a path can meet and go on: all but lamps that end it.

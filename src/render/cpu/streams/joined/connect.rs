@@ -1,13 +1,12 @@
-//! What joins the subpaths of a tile: listed in the order of each sample's sum, made by the classes of surfaces, eight in the
-//! lanes of one vector.
+//! What joins the subpaths of a tile: listed in the order of each sample's sum, made by the classes of surfaces, as many at
+//! once as there are lanes.
 
 use glam::Vec3;
 
 use super::{Node, Subpaths, Work};
-use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Words, Yes, transposed};
+use crate::math::lanes::{InLanes, Lanes, Row, each, filled, set};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
-use crate::render::cpu::streams::{each, set, stored};
 use crate::transport::bsdf::{BsdfValue, Mode};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
@@ -160,33 +159,35 @@ impl Lists {
 
     /// Makes all connections that are listed, and adds what each brings to its own pixel to the value of its sample.
     pub fn make(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, values: &mut [Vec3], splat: &mut Splat) {
-        #[expect(unsafe_code, reason = "functions that are compiled for AVX2")]
-        // SAFETY: streams are made only where the processor has AVX2.
-        unsafe {
-            self.make_avx2(work, light, camera, splat);
-        }
+        work.table.width.run(Make { lists: self, work, light, camera, splat });
         for (path, value) in self.slots.drain(..) {
             values[path as usize] += value;
         }
     }
 
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn make_avx2(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, splat: &mut Splat) {
+    #[inline(always)]
+    fn make_lanes<R: Lanes<N>, const N: usize>(
+        &mut self,
+        work: &Work,
+        light: &Subpaths,
+        camera: &Subpaths,
+        splat: &mut Splat,
+    ) {
         let Lists { slots, events, pairs, halves, shots, waiting } = self;
         for class in 0..events.len() {
-            for group in events[class].chunks(LANES) {
-                next_events(work, class, group, camera, waiting);
+            for group in events[class].chunks(N) {
+                next_events::<R, N>(work, class, group, camera, waiting);
                 if waiting.lights.len() >= WAITING {
                     work.resolve(waiting, slots, splat);
                 }
             }
             events[class].clear();
-            for group in pairs[class].chunks(LANES) {
-                halfway(work, class, group, [light, camera], halves);
+            for group in pairs[class].chunks(N) {
+                halfway::<R, N>(work, class, group, [light, camera], halves);
             }
             pairs[class].clear();
-            for group in shots[class].chunks(LANES) {
-                lens_shots(work, class, group, light, waiting);
+            for group in shots[class].chunks(N) {
+                lens_shots::<R, N>(work, class, group, light, waiting);
                 if waiting.lights.len() >= WAITING {
                     work.resolve(waiting, slots, splat);
                 }
@@ -194,8 +195,8 @@ impl Lists {
             shots[class].clear();
         }
         for (class, list) in halves.iter_mut().enumerate() {
-            for group in list.chunks(LANES) {
-                ends(work, class, group, [light, camera], waiting);
+            for group in list.chunks(N) {
+                ends::<R, N>(work, class, group, [light, camera], waiting);
                 if waiting.lights.len() >= WAITING {
                     work.resolve(waiting, slots, splat);
                 }
@@ -203,6 +204,24 @@ impl Lists {
             list.clear();
         }
         work.resolve(waiting, slots, splat);
+    }
+}
+
+/// The work of [`Lists::make`].
+struct Make<'a, 'b> {
+    lists: &'a mut Lists,
+    work: &'a Work<'a>,
+    light: &'a Subpaths,
+    camera: &'a Subpaths,
+    splat: &'a mut Splat<'b>,
+}
+
+impl InLanes for Make<'_, '_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        self.lists.make_lanes::<R, N>(self.work, self.light, self.camera, self.splat);
     }
 }
 
@@ -233,139 +252,157 @@ impl Work<'_> {
 
     /// What is left of light when all strategies that find it have their share, in the lanes where it is of any use.
     #[inline(always)]
-    pub(super) fn shared(&self, unweighted: Vectors, others: Doubles, usable: Yes) -> [Row; LANES] {
-        let zero = Reals::of(0.0);
-        let one = Doubles::of(1.0);
-        let weight = if self.context.settings.raw() { Reals::of(1.0) } else { (one / (one + others)).single() };
-        let value = Vectors::select(usable, unweighted * weight, Vectors::of(Vec3::ZERO));
-        stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero])
+    pub(super) fn shared<R: Lanes<N>, const N: usize>(
+        &self,
+        unweighted: R::Vec3,
+        others: R::Double,
+        usable: R::Mask,
+    ) -> [Row; N] {
+        let zero = R::of(0.0);
+        let one = R::Double::of(1.0);
+        let weight = if self.context.settings.raw() { R::of(1.0) } else { (one / (one + others)).single() };
+        let value = R::Vec3::select(usable, unweighted * weight, R::Vec3::of(Vec3::ZERO));
+        R::stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero])
     }
 }
 
 /// Points joined to the lens.
-pub(super) struct OnFilm {
-    pub at: Projection<Vectors>,
+pub(super) struct OnFilm<R: Real, const N: usize> {
+    pub at: Projection<R::Vec3>,
     /// The pixels for which they count.
-    pub pixels: [[u32; 2]; LANES],
+    pub pixels: [[u32; 2]; N],
     /// Whether there is one.
-    pub inside: Yes,
+    pub inside: R::Mask,
     /// As `CameraConnection::importance`.
-    pub importance: Reals,
+    pub importance: R,
 }
 
 impl Work<'_> {
     /// The numbers with which these paths choose points of the lens and pixels, when so many are taken; zeros where neither
     /// has a use for them.
     #[inline(always)]
-    pub(super) fn lens_numbers(&self, paths: &Subpaths, of: [u32; LANES], taken: [u32; LANES]) -> [Reals; 4] {
+    pub(super) fn lens_numbers<R: Lanes<N>, const N: usize>(
+        &self,
+        paths: &Subpaths,
+        of: [u32; N],
+        taken: [u32; N],
+    ) -> [R; 4] {
         let camera = self.context.camera;
         if !camera.has_lens() && camera.filter() == FilterSpec::PIXEL {
-            return [Reals::of(0.0); 4];
+            return [R::of(0.0); 4];
         }
-        let (key, taken) = (keys(paths, of), words(taken));
+        let (key, taken) = (keys::<R, N>(paths, of), words::<R, N>(taken));
         let [a, b, c] = Independent::next_three(key, taken);
-        let [d, ..] = Independent::next_three(key, taken.add(Words::of(3)));
+        let [d, ..] = Independent::next_three(key, taken.add(R::Word::of(3)));
         [a, b, c, d]
     }
 
     /// Joins points to the lens, in the lanes that want it.
     #[inline(always)]
-    pub(super) fn onto_film(&self, position: Vectors, [a, b, c, d]: [Reals; 4], wanted: Yes) -> OnFilm {
-        let zero = Reals::of(0.0);
+    pub(super) fn onto_film<R: Lanes<N>, const N: usize>(
+        &self,
+        position: R::Vec3,
+        [a, b, c, d]: [R; 4],
+        wanted: R::Mask,
+    ) -> OnFilm<R, N> {
+        let zero = R::of(0.0);
         let at = self.context.camera.project(position, [a, b]);
         let ahead = wanted & at.ahead;
         let camera = self.context.camera;
-        let (mut pixels, mut weights) = ([[0; 2]; LANES], Row::default());
+        let (mut pixels, mut weights) = ([[0; 2]; N], [0.0; N]);
         if camera.filter() == FilterSpec::PIXEL {
             // As `FilterSpec::choose`: the pixel in which the place lies.
             let [width, height] = camera.resolution();
-            let (width, height) = (Reals::of(width as f32), Reals::of(height as f32));
+            let (width, height) = (R::of(width as f32), R::of(height as f32));
             let [x, y] = at.place;
             let inside = ahead & x.ge(zero) & x.lt(width) & y.ge(zero) & y.lt(height);
             let [x, y] = [x.truncated().as_bits().store(), y.truncated().as_bits().store()];
             for i in set(inside.bits()) {
-                (pixels[i], weights.0[i]) = ([x.0[i].to_bits(), y.0[i].to_bits()], 1.0);
+                (pixels[i], weights[i]) = ([x[i].to_bits(), y[i].to_bits()], 1.0);
             }
         } else {
-            let places = stored([at.place[0], at.place[1], c, d, zero, zero, zero, zero]);
+            let places = R::stored([at.place[0], at.place[1], c, d, zero, zero, zero, zero]);
             for i in set(ahead.bits()) {
                 let [x, y, u, v, ..] = places[i].0;
                 if let Some((pixel, weight)) = camera.choose([x, y], [u, v]) {
-                    (pixels[i], weights.0[i]) = (pixel, weight);
+                    (pixels[i], weights[i]) = (pixel, weight);
                 }
             }
         }
-        let weight = Reals::load(&weights);
+        let weight = R::load(&weights);
         let importance = weight * at.pdf_w / (at.distance * at.distance);
         OnFilm { at, pixels, inside: ahead & weight.gt(zero), importance }
     }
 }
 
 /// Vertices in lanes, with what their paths carry and what weights need of them.
-struct Loaded {
-    vertices: Vertices,
-    throughput: Vectors,
-    side: Side<Reals>,
+struct Loaded<R: Real> {
+    vertices: Vertices<R>,
+    throughput: R::Vec3,
+    side: Side<R>,
 }
 
 /// Points, directions to the vertices before, what paths carry, and what weights need.
 #[inline(always)]
-fn places(nodes: [&Node; LANES]) -> (Point<Vectors>, Vectors, Vectors, Side<Reals>) {
-    let a = transposed(nodes.map(|node| &node.rows[0]));
-    let b = transposed(nodes.map(|node| &node.rows[1]));
-    let last = Reals::load(&Row(nodes.map(|node| node.rows[2].0[0])));
-    let [joint, tail] = [0, 1].map(|k| nodes.map(|node| node.chain[k]));
+fn places<R: Lanes<N>, const N: usize>(nodes: [&Node; N]) -> (Point<R::Vec3>, R::Vec3, R::Vec3, Side<R>) {
+    let a = R::transposed(each(nodes, |node| &node.rows[0]));
+    let b = R::transposed(each(nodes, |node| &node.rows[1]));
+    let last = R::load(&each(nodes, |node| node.rows[2].0[0]));
+    let (joint, tail) = (each(nodes, |node| node.chain[0]), each(nodes, |node| node.chain[1]));
     let point = Point {
-        position: Vectors::new(a[0], a[1], a[2]),
-        n_geometric: Vectors::new(a[3], a[4], a[5]),
-        n_shading: Vectors::new(b[0], b[1], b[2]),
+        position: R::Vec3::new(a[0], a[1], a[2]),
+        n_geometric: R::Vec3::new(a[3], a[4], a[5]),
+        n_shading: R::Vec3::new(b[0], b[1], b[2]),
     };
-    let chain = Chain { joint: Doubles::load(&joint), tail: Doubles::load(&tail) };
-    (point, Vectors::new(b[3], b[4], b[5]), Vectors::new(b[6], b[7], last), Side { chain, back: a[6] })
+    let chain = Chain { joint: R::load_doubles(&joint), tail: R::load_doubles(&tail) };
+    (point, R::Vec3::new(b[3], b[4], b[5]), R::Vec3::new(b[6], b[7], last), Side { chain, back: a[6] })
 }
 
 #[inline(always)]
-fn loaded(work: &Work, class: usize, nodes: [&Node; LANES], active: Yes) -> Loaded {
-    let (point, wo, throughput, side) = places(nodes);
-    let rows = nodes.map(|node| &work.table.rows[node.rows[0].0[7].to_bits() as usize]);
-    Loaded { vertices: Vertices::new(point, wo, rows, &work.table.common(class), active), throughput, side }
-}
-
-/// So many of a group as there are lanes: those that have none have the first.
-#[inline(always)]
-pub(super) fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
-    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
+fn loaded<R: Lanes<N>, const N: usize>(work: &Work, class: usize, nodes: [&Node; N], active: R::Mask) -> Loaded<R> {
+    let (point, wo, throughput, side) = places::<R, N>(nodes);
+    let rows = each(nodes, |node| &work.table.rows[node.rows[0].0[7].to_bits() as usize]);
+    Loaded { vertices: Vertices::<R>::new(point, wo, rows, &work.table.common(class), active), throughput, side }
 }
 
 /// The keys of the numbers of paths.
 #[inline(always)]
-pub(super) fn keys(paths: &Subpaths, of: [u32; LANES]) -> [Words; 4] {
-    let [.., a, b, c, d] = transposed(each(of, |path| &paths.walkers[path as usize].rows[2]));
+pub(super) fn keys<R: Lanes<N>, const N: usize>(paths: &Subpaths, of: [u32; N]) -> [R::Word; 4] {
+    let [.., a, b, c, d] = R::transposed(each(of, |path| &paths.walkers[path as usize].rows[2]));
     [a.bits(), b.bits(), c.bits(), d.bits()]
 }
 
 #[inline(always)]
-pub(super) fn words(of: [u32; LANES]) -> Words {
-    Reals::load(&Row(of.map(f32::from_bits))).bits()
+pub(super) fn words<R: Lanes<N>, const N: usize>(of: [u32; N]) -> R::Word {
+    R::load(&each(of, f32::from_bits)).bits()
 }
 
 /// `s = 1`, `t >= 2`.
 #[inline(always)]
-fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, waiting: &mut Waiting) {
-    let events = filled(group);
-    let active = Yes::first(group.len());
-    let zero = Reals::of(0.0);
-    let numbers = Independent::next_three(keys(camera, events.map(|e| e.path)), words(events.map(|e| e.taken)));
-    let z = loaded(work, class, events.map(|e| &camera.nodes[e.z as usize]), active);
+fn next_events<R: Lanes<N>, const N: usize>(
+    work: &Work,
+    class: usize,
+    group: &[Event],
+    camera: &Subpaths,
+    waiting: &mut Waiting,
+) {
+    let events: [Event; N] = filled(group);
+    let active = R::Mask::first(group.len());
+    let zero = R::of(0.0);
+    let numbers = Independent::next_three(
+        keys::<R, N>(camera, each(events, |e| e.path)),
+        words::<R, N>(each(events, |e| e.taken)),
+    );
+    let z = loaded::<R, N>(work, class, each(events, |e| &camera.nodes[e.z as usize]), active);
     let Point { position, n_geometric, n_shading } = z.vertices.point;
-    let d = work.table.lamps.direct(work.context, position, numbers, z.vertices.seen);
+    let d = work.table.lamps.direct::<R, N>(work.context, position, numbers, z.vertices.seen);
     let arrives = z.vertices.seen & d.density.gt(zero);
     if !arrives.any() {
         return;
     }
     let at_z = z.vertices.evaluate::<true>(d.wi, Mode::Radiance, arrives);
     let unweighted = z.throughput * at_z.f * d.wi.dot(n_shading).abs() * d.radiance / d.density;
-    let lit = arrives & !unweighted.same(Vectors::of(Vec3::ZERO));
+    let lit = arrives & !unweighted.same(R::Vec3::of(Vec3::ZERO));
     if !lit.any() {
         return;
     }
@@ -373,9 +410,9 @@ fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, wa
     let end = d.ends(work.context, from);
     let others = others_of_next_event(work.h, &z.side, &end, &at_z);
     // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
-    let usable = end.direct.gt(Doubles::of(0.0));
-    let values = work.shared(unweighted, others, usable);
-    let rays = shadow_rays(from, [d.at, d.normal], d.wi, d.endless);
+    let usable = end.direct.gt(R::Double::of(0.0));
+    let values = work.shared::<R, N>(unweighted, others, usable);
+    let rays = shadow_rays::<R, N>(from, [d.at, d.normal], d.wi, d.endless);
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Slot(events[i].slot));
     }
@@ -383,16 +420,22 @@ fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, wa
 
 /// What camera vertices make of the directions to light vertices; pairs without any are dropped.
 #[inline(always)]
-fn halfway(work: &Work, class: usize, group: &[Pair], [light, camera]: [&Subpaths; 2], halves: &mut [Vec<Half>]) {
-    let pairs = filled(group);
-    let z = loaded(work, class, pairs.map(|p| &camera.nodes[p.z as usize]), Yes::first(group.len()));
-    let [x, y, c, ..] = transposed(pairs.map(|p| &light.nodes[p.y as usize].rows[0]));
-    let edge = Vectors::new(x, y, c) - z.vertices.point.position;
+fn halfway<R: Lanes<N>, const N: usize>(
+    work: &Work,
+    class: usize,
+    group: &[Pair],
+    [light, camera]: [&Subpaths; 2],
+    halves: &mut [Vec<Half>],
+) {
+    let pairs: [Pair; N] = filled(group);
+    let z = loaded::<R, N>(work, class, each(pairs, |p| &camera.nodes[p.z as usize]), R::Mask::first(group.len()));
+    let [x, y, c, ..] = R::transposed(each(pairs, |p| &light.nodes[p.y as usize].rows[0]));
+    let edge = R::Vec3::new(x, y, c) - z.vertices.point.position;
     let wi = edge / edge.length_squared().sqrt();
     let BsdfValue { f, pdf_w, reverse_pdf_w } = z.vertices.evaluate::<true>(wi, Mode::Radiance, wi.is_finite());
-    let some = !f.same(Vectors::of(Vec3::ZERO)) & wi.is_finite();
-    let zero = Reals::of(0.0);
-    let found = stored([f.x(), f.y(), f.z(), pdf_w, reverse_pdf_w, zero, zero, zero]);
+    let some = !f.same(R::Vec3::of(Vec3::ZERO)) & wi.is_finite();
+    let zero = R::of(0.0);
+    let found = R::stored([f.x(), f.y(), f.z(), pdf_w, reverse_pdf_w, zero, zero, zero]);
     for i in set(some.bits()) {
         let [r, g, b, w, back, ..] = found[i].0;
         if let Some(class) = light.nodes[pairs[i].y as usize].class {
@@ -403,17 +446,23 @@ fn halfway(work: &Work, class: usize, group: &[Pair], [light, camera]: [&Subpath
 
 /// `s >= 2`, `t >= 2`.
 #[inline(always)]
-fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 2], waiting: &mut Waiting) {
-    let halves = filled(group);
-    let active = Yes::first(group.len());
-    let y = loaded(work, class, halves.map(|h| &light.nodes[h.pair.y as usize]), active);
-    let (z, _, z_throughput, z_side) = places(halves.map(|h| &camera.nodes[h.pair.z as usize]));
-    let known = halves.map(|h| {
+fn ends<R: Lanes<N>, const N: usize>(
+    work: &Work,
+    class: usize,
+    group: &[Half],
+    [light, camera]: [&Subpaths; 2],
+    waiting: &mut Waiting,
+) {
+    let halves: [Half; N] = filled(group);
+    let active = R::Mask::first(group.len());
+    let y = loaded::<R, N>(work, class, each(halves, |h| &light.nodes[h.pair.y as usize]), active);
+    let (z, _, z_throughput, z_side) = places::<R, N>(each(halves, |h| &camera.nodes[h.pair.z as usize]));
+    let known = each(halves, |h| {
         let [r, g, b, w, back] = h.at_z;
         Row([r, g, b, w, back, 0.0, 0.0, 0.0])
     });
-    let [r, g, b, pdf_w, reverse_pdf_w, ..] = transposed(known.each_ref());
-    let at_z = BsdfValue { f: Vectors::new(r, g, b), pdf_w, reverse_pdf_w };
+    let [r, g, b, pdf_w, reverse_pdf_w, ..] = R::transposed(known.each_ref());
+    let at_z = BsdfValue { f: R::Vec3::new(r, g, b), pdf_w, reverse_pdf_w };
     let at = y.vertices.point;
     let edge = at.position - z.position;
     let distance2 = edge.length_squared();
@@ -421,14 +470,14 @@ fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 
     let at_y = y.vertices.evaluate::<true>(-wi, Mode::Importance, active);
     let [cos_y, cos_z] = [wi.dot(at.n_shading).abs(), wi.dot(z.n_shading).abs()];
     let unweighted = y.throughput * at_y.f * cos_y * at_z.f * cos_z * z_throughput / distance2;
-    let lit = active & !unweighted.same(Vectors::of(Vec3::ZERO));
+    let lit = active & !unweighted.same(R::Vec3::of(Vec3::ZERO));
     if !lit.any() {
         return;
     }
     let to = [wi.dot(at.n_geometric).abs() / distance2, wi.dot(z.n_geometric).abs() / distance2];
     let others = others_of_ends(work.h, [&y.side, &z_side], [&at_y, &at_z], to);
-    let values = work.shared(unweighted, others, lit);
-    let rays = shadow_rays([z.position, z.n_geometric], [at.position, at.n_geometric], wi, Yes::of(false));
+    let values = work.shared::<R, N>(unweighted, others, lit);
+    let rays = shadow_rays::<R, N>([z.position, z.n_geometric], [at.position, at.n_geometric], wi, R::Mask::of(false));
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Slot(halves[i].pair.slot));
     }
@@ -436,27 +485,33 @@ fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 
 
 /// `s >= 2`, `t = 1`.
 #[inline(always)]
-fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, waiting: &mut Waiting) {
-    let shots = filled(group);
-    let active = Yes::first(group.len());
-    let y = loaded(work, class, shots.map(|s| &light.nodes[s.y as usize]), active);
+fn lens_shots<R: Lanes<N>, const N: usize>(
+    work: &Work,
+    class: usize,
+    group: &[Shot],
+    light: &Subpaths,
+    waiting: &mut Waiting,
+) {
+    let shots: [Shot; N] = filled(group);
+    let active = R::Mask::first(group.len());
+    let y = loaded::<R, N>(work, class, each(shots, |s| &light.nodes[s.y as usize]), active);
     let Point { position, n_geometric, n_shading } = y.vertices.point;
-    let numbers = work.lens_numbers(light, shots.map(|s| s.path), shots.map(|s| s.taken));
-    let OnFilm { at, pixels, inside, importance } = work.onto_film(position, numbers, y.vertices.seen);
+    let numbers = work.lens_numbers::<R, N>(light, each(shots, |s| s.path), each(shots, |s| s.taken));
+    let OnFilm { at, pixels, inside, importance } = work.onto_film::<R, N>(position, numbers, y.vertices.seen);
     if !inside.any() {
         return;
     }
     let at_y = y.vertices.evaluate::<true>(-at.dir, Mode::Importance, inside);
     let unweighted = y.throughput * at_y.f * at.dir.dot(n_shading).abs() * importance;
-    let lit = inside & !unweighted.same(Vectors::of(Vec3::ZERO));
+    let lit = inside & !unweighted.same(R::Vec3::of(Vec3::ZERO));
     if !lit.any() {
         return;
     }
     let spread = area_factor(at.lens, position, n_geometric);
     let others = others_of_lens(work.h, &y.side, &at_y, [at.pdf_w, spread]);
-    let values = work.shared(unweighted, others, lit);
-    let nowhere = Vectors::of(Vec3::ZERO);
-    let rays = shadow_rays([position, n_geometric], [at.lens, nowhere], at.dir, Yes::of(false));
+    let values = work.shared::<R, N>(unweighted, others, lit);
+    let nowhere = R::Vec3::of(Vec3::ZERO);
+    let rays = shadow_rays::<R, N>([position, n_geometric], [at.lens, nowhere], at.dir, R::Mask::of(false));
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Pixel(shots[i].path, pixels[i]));
     }

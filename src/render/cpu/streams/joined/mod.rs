@@ -194,7 +194,7 @@ pub(super) fn tile(
     let work = Work { table, context, h: context.settings.heuristic() };
     let Tile { records, camera, light, starts, escaped, lists } = tile;
     records.clear();
-    super::start::begin(job, context.camera, y, named, records);
+    super::start::begin(table.width, job, context.camera, y, named, records);
     camera.reset(records.len());
     camera.walkers.clear();
     camera.walkers.extend(records.iter().map(|record| work.camera(record)));
