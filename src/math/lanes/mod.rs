@@ -93,7 +93,7 @@ enum Count {
 }
 
 /// What is to be done in lanes.
-pub trait InLanes {
+pub trait AnyWidth {
     /// What comes of it.
     type Out;
 
@@ -123,7 +123,7 @@ impl Width {
 
     /// Does something with this many lanes.
     #[inline]
-    pub fn run<W: InLanes>(self, work: W) -> W::Out {
+    pub fn run<W: AnyWidth>(self, work: W) -> W::Out {
         // SAFETY: a width is made only where the processor has its instructions.
         unsafe {
             match self.0 {
@@ -135,12 +135,12 @@ impl Width {
 }
 
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn in_eight<W: InLanes>(work: W) -> W::Out {
+fn in_eight<W: AnyWidth>(work: W) -> W::Out {
     work.run::<eight::Reals, 8>()
 }
 
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
-fn in_sixteen<W: InLanes>(work: W) -> W::Out {
+fn in_sixteen<W: AnyWidth>(work: W) -> W::Out {
     work.run::<sixteen::Reals, 16>()
 }
 
@@ -154,7 +154,7 @@ pub fn each<T: Copy, U: Copy, const N: usize>(lanes: [T; N], of: impl Fn(T) -> U
     made
 }
 
-/// So many of a group as there are lanes: those that have none have the first.
+/// So many of a group as there are lanes. Lanes that have none do again what the first has, for nothing.
 #[inline(always)]
 pub fn filled<T: Copy, const N: usize>(group: &[T]) -> [T; N] {
     let mut lanes = [group[0]; N];

@@ -4,7 +4,7 @@ use super::*;
 use crate::math::real::{Double, Mask, Word};
 
 /// Does something with each number of lanes that this processor has.
-fn with_every_width<W: InLanes<Out = ()> + Clone>(work: W) {
+fn with_every_width<W: AnyWidth<Out = ()> + Clone>(work: W) {
     for width in [Width::eight(), Width::sixteen()].into_iter().flatten() {
         width.run(work.clone());
     }
@@ -31,7 +31,7 @@ fn bits(x: f32) -> u32 {
 fn every_operation_is_in_every_lane_what_it_is_for_one_number() {
     #[derive(Clone)]
     struct Operations;
-    impl InLanes for Operations {
+    impl AnyWidth for Operations {
         type Out = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
             for [x, y] in pairs::<N>() {
@@ -76,7 +76,7 @@ fn every_operation_is_in_every_lane_what_it_is_for_one_number() {
 fn doubles_are_in_every_lane_what_they_are_alone() {
     #[derive(Clone)]
     struct InDouble;
-    impl InLanes for InDouble {
+    impl AnyWidth for InDouble {
         type Out = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
             let check = |name: &str, wide: [f64; N], one: [f64; N]| {
@@ -112,7 +112,7 @@ fn doubles_are_in_every_lane_what_they_are_alone() {
 fn words_wrap_and_shift_as_one_does() {
     #[derive(Clone)]
     struct InWords;
-    impl InLanes for InWords {
+    impl AnyWidth for InWords {
         type Out = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
             let some = [0, 1, 0xffff_ffff, 0x8000_0000, 0x7fff_ffff, 12_345, 1_664_525, 0xdead_beef];
@@ -152,7 +152,7 @@ fn words_wrap_and_shift_as_one_does() {
 fn rows_become_columns_and_columns_rows() {
     #[derive(Clone)]
     struct Turning;
-    impl InLanes for Turning {
+    impl AnyWidth for Turning {
         type Out = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
             let rows: [Row; N] = std::array::from_fn(|i| Row(std::array::from_fn(|k| (10 * i + k) as f32)));

@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use crate::math::lanes::{InLanes, Lanes, Row, Width, set};
+use crate::math::lanes::{AnyWidth, Lanes, Row, Width, set};
 use crate::math::real::{Mask, Real, Vector};
 use crate::render::cpu::accel::{Accel, ONE_LEAF};
 use crate::scene::CompiledScene;
@@ -125,7 +125,7 @@ struct Closest<'a> {
     hits: &'a mut Vec<Option<Hit>>,
 }
 
-impl InLanes for Closest<'_> {
+impl AnyWidth for Closest<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -150,7 +150,7 @@ struct Occluded<'a> {
     hidden: &'a mut Vec<bool>,
 }
 
-impl InLanes for Occluded<'_> {
+impl AnyWidth for Occluded<'_> {
     type Out = ();
 
     #[inline(always)]

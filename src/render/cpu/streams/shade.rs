@@ -6,7 +6,7 @@ use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
 use super::{SPECULAR, Tile, Waiting};
 use crate::math::Frame;
-use crate::math::lanes::{InLanes, Lanes, Row, each, filled, set};
+use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::scene::CompiledScene;
 use crate::transport::MAX_SURVIVAL;
@@ -207,7 +207,7 @@ struct Step<'a> {
     tile: &'a mut Tile,
 }
 
-impl InLanes for Step<'_> {
+impl AnyWidth for Step<'_> {
     type Out = ();
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! How the paths of a tile begin: camera rays in lanes.
 
 use super::{Record, SPECULAR};
-use crate::math::lanes::{InLanes, Lanes, Row, Width};
+use crate::math::lanes::{AnyWidth, Lanes, Row, Width};
 use crate::math::real::{Vector, Word};
 use crate::render::Job;
 use crate::transport::camera::Camera;
@@ -20,7 +20,7 @@ struct Begin<'a> {
     records: &'a mut Vec<Record>,
 }
 
-impl InLanes for Begin<'_> {
+impl AnyWidth for Begin<'_> {
     type Out = ();
 
     #[inline(always)]

@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::{Node, Subpaths, Work};
-use crate::math::lanes::{InLanes, Lanes, Row, each, filled, set};
+use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
 use crate::transport::bsdf::{BsdfValue, Mode};
@@ -216,7 +216,7 @@ struct Make<'a, 'b> {
     splat: &'a mut Splat<'b>,
 }
 
-impl InLanes for Make<'_, '_> {
+impl AnyWidth for Make<'_, '_> {
     type Out = ();
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::connect::{Splat, To, Waiting, keys, words};
 use super::{Subpaths, Walker, Work};
-use crate::math::lanes::{InLanes, Lanes, Row, each, filled, set};
+use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
 use crate::math::real::{Double, Mask, Vector, Word};
 use crate::math::{Frame, warp};
 use crate::render::cpu::streams::lamps::{Chosen, plain_ends};
@@ -185,7 +185,7 @@ struct Begin<'a> {
     light: &'a mut Subpaths,
 }
 
-impl InLanes for Begin<'_> {
+impl AnyWidth for Begin<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -207,7 +207,7 @@ struct See<'a> {
     waiting: &'a mut Waiting,
 }
 
-impl InLanes for See<'_> {
+impl AnyWidth for See<'_> {
     type Out = ();
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::start::Start;
 use super::{Node, Subpaths, Walker, Work};
-use crate::math::lanes::{InLanes, Lanes, each, filled, set};
+use crate::math::lanes::{AnyWidth, Lanes, each, filled, set};
 use crate::math::real::{Mask, Vector, Word};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
@@ -80,7 +80,7 @@ struct Steps<'a, const LIGHT: bool> {
     paths: &'a mut Subpaths,
 }
 
-impl<const LIGHT: bool> InLanes for Steps<'_, LIGHT> {
+impl<const LIGHT: bool> AnyWidth for Steps<'_, LIGHT> {
     type Out = ();
 
     #[inline(always)]
