@@ -35,11 +35,12 @@ struct Sheared<R: Real> {
     shear: [R; 3],
 }
 
-/// The best hits so far.
+/// The best hits so far. What stands at each place on the primitive is still to be divided: seldom is a hit the last one.
 struct Best<R: Real> {
     t: R,
     v: R,
     w: R,
+    divisor: R,
     primitive: R,
     found: R::Mask,
 }
@@ -76,18 +77,12 @@ impl Few {
         self.width.run(Occluded { few: self, rays, hidden });
     }
 
-    /// Room for all corners, sheared.
-    #[inline(always)]
-    fn scratch<R: Lanes<N>, const N: usize>(&self) -> Vec<[R; 3]> {
-        vec![[R::of(0.0); 3]; self.corners.len()]
-    }
-
-    /// As many rays as there are lanes, or fewer; with `ANY` until each has hit something.
+    /// As many rays as there are lanes, or fewer; with `ANY` until each has hit something. `sheared` is room for all corners.
     #[inline(always)]
     fn some<R: Lanes<N>, const N: usize, const ANY: bool>(
         &self,
         group: &[(Ray, f32)],
-        sheared: &mut [[R; 3]],
+        sheared: &mut Vec<[R; 3]>,
     ) -> Best<R> {
         let mut rows = [Row::default(); N];
         for (row, (Ray { origin: o, dir: d }, t_max)) in rows.iter_mut().zip(group) {
@@ -98,21 +93,23 @@ impl Few {
         let zero = R::of(0.0);
         // A ray with a number that is not finite hits nothing.
         let usable = R::Mask::first(group.len()) & (origin + dir).element_sum().is_finite();
-        let mut best = Best { t: t_max, v: zero, w: zero, primitive: zero, found: R::Mask::of(false) };
+        let mut best =
+            Best { t: t_max, v: zero, w: zero, divisor: R::of(1.0), primitive: zero, found: R::Mask::of(false) };
         let rays = Sheared::new(origin, dir);
-        for (place, corner) in sheared.iter_mut().zip(&self.corners) {
-            *place = rays.corner(R::Vec3::of(*corner));
+        sheared.clear();
+        for corner in &self.corners {
+            sheared.push(rays.corner(R::Vec3::of(*corner)));
         }
         for (id, [a, b, c]) in self.triangles.iter().enumerate() {
             let corners = [&sheared[usize::from(*a)], &sheared[usize::from(*b)], &sheared[usize::from(*c)]];
-            rays.triangle::<N, ANY>(corners, id as u32, usable, &mut best);
+            rays.triangle::<N>(corners, id as u32, usable, &mut best);
             if ANY && !(usable & !best.found).any() {
                 return best;
             }
         }
         for (i, (center, radius)) in self.spheres.iter().enumerate() {
             let t = sphere::<R>([origin, dir], R::Vec3::of(*center), *radius);
-            best.offer(usable & t.gt(zero), t, [zero; 2], (self.triangles.len() + i) as u32);
+            best.offer(usable & t.gt(zero), t, [zero, zero, R::of(1.0)], (self.triangles.len() + i) as u32);
         }
         best
     }
@@ -130,11 +127,11 @@ impl AnyWidth for Closest<'_> {
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
-        let mut scratch = self.few.scratch::<R, N>();
+        let mut scratch = Vec::with_capacity(self.few.corners.len());
         for group in self.rays.chunks(N) {
             let best = self.few.some::<R, N, false>(group, &mut scratch);
-            let (found, t, v, w) = (best.found.bits(), best.t.store(), best.v.store(), best.w.store());
-            let primitives = best.primitive.store();
+            let (found, t, primitives) = (best.found.bits(), best.t.store(), best.primitive.store());
+            let (v, w) = ((best.v / best.divisor).store(), (best.w / best.divisor).store());
             for i in 0..group.len() {
                 let (t, uv, primitive) = (t[i], [v[i], w[i]], primitives[i].to_bits());
                 self.hits.push((found & 1 << i != 0).then_some(Hit { t, primitive, instance: NONE, uv }));
@@ -155,7 +152,7 @@ impl AnyWidth for Occluded<'_> {
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
-        let mut scratch = self.few.scratch::<R, N>();
+        let mut scratch = Vec::with_capacity(self.few.corners.len());
         for group in self.rays.chunks(N) {
             let found = self.few.some::<R, N, true>(group, &mut scratch).found.bits();
             self.hidden.extend((0..group.len()).map(|i| found & 1 << i != 0));
@@ -166,11 +163,12 @@ impl AnyWidth for Occluded<'_> {
 impl<R: Real> Best<R> {
     /// Takes hits that are nearer.
     #[inline(always)]
-    fn offer(&mut self, met: R::Mask, t: R, [v, w]: [R; 2], primitive: u32) {
+    fn offer(&mut self, met: R::Mask, t: R, [v, w, divisor]: [R; 3], primitive: u32) {
         let better = met & t.lt(self.t);
         self.t = R::select(better, t, self.t);
         self.v = R::select(better, v, self.v);
         self.w = R::select(better, w, self.w);
+        self.divisor = R::select(better, divisor, self.divisor);
         self.primitive = R::select(better, R::of(f32::from_bits(primitive)), self.primitive);
         self.found = self.found | better;
     }
@@ -198,13 +196,8 @@ impl<R: Real> Sheared<R> {
     }
 
     #[inline(always)]
-    fn triangle<const N: usize, const ANY: bool>(
-        &self,
-        corners: [&[R; 3]; 3],
-        id: u32,
-        usable: R::Mask,
-        best: &mut Best<R>,
-    ) where
+    fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3], id: u32, usable: R::Mask, best: &mut Best<R>)
+    where
         R: Lanes<N>,
     {
         let zero = R::of(0.0);
@@ -228,8 +221,7 @@ impl<R: Real> Sheared<R> {
         let shear = self.shear[2];
         let t = (u * (a[2] * shear) + v * (b[2] * shear) + w * (c[2] * shear)) / det;
         let met = inside & t.gt(zero);
-        let weights = if ANY { [zero; 2] } else { [v / det, w / det] };
-        best.offer(met, t, weights, id);
+        best.offer(met, t, [v, w, det], id);
     }
 }
 
