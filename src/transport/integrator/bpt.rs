@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use super::nee::{State, Walk};
+use super::nee::{State, Timed, Walk};
 use super::{Context, IntegratorRow};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
@@ -61,6 +61,22 @@ pub fn step(
     let mut walk = Walk::<false> { state: *state, ..Walk::of_camera(context, state.ray, sampler) };
     let goes_on = step_of(&mut walk, context, pixel, sampler, sink, depth, hit);
     *state = walk.state;
+    goes_on
+}
+
+/// A [`TimedStepFn`](super::nee::TimedStepFn).
+pub fn timed_step<'a>(
+    path: &mut Timed<'a>,
+    context: &Context<'a>,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    depth: u32,
+    hit: Option<Hit>,
+) -> bool {
+    let mut walk = path.walk(sampler);
+    let goes_on = step_of(&mut walk, context, pixel, sampler, sink, depth, hit);
+    *path = Timed { state: walk.state, flight: walk.flight };
     goes_on
 }
 

@@ -45,6 +45,8 @@ pub(super) struct Direct {
     pub density: Reals,
     /// Whether no other technique can find this light.
     pub delta: Yes,
+    /// Distance to it; says nothing where the light has no place.
+    pub distance: Reals,
     /// Position on the light.
     pub at: Vectors,
     /// Unit normal there.
@@ -100,10 +102,12 @@ impl Lamps {
         let Chosen { rows: [a, b], light, chance, alone } = self.choose(context, choice, wanted);
         let corners = [Vectors::new(a[0], a[1], a[2]), Vectors::new(a[3], a[4], a[5]), Vectors::new(a[6], a[7], b[0])];
         let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u, v]));
-        let (wi, _, density) = area::seen(from, at, normal, b[1]);
+        let (wi, distance, density) = area::seen(from, at, normal, b[1]);
         let radiance = Vectors::new(b[2], b[3], b[4]);
         let (delta, endless) = (Yes::of(false), Yes::of(false));
-        let mut direct = Direct { wi, radiance, density, delta, at, normal, endless, light, chance, area: b[1], alone };
+        let area = b[1];
+        let mut direct =
+            Direct { wi, radiance, density, delta, distance, at, normal, endless, light, chance, area, alone };
         if alone != 0 {
             let from = [from.x().store().0, from.y().store().0, from.z().store().0];
             let [found, end] = singles(context, alone, light, from, [u.store().0, v.store().0]);
@@ -119,12 +123,13 @@ impl Direct {
     fn or(self, known: Yes, light: [Reals; 8], end: [Reals; 8]) -> Direct {
         let zero = Reals::of(0.0);
         let [x, y, z, r, g, b, density, delta] = light;
-        let [px, py, pz, nx, ny, nz, endless, _] = end;
+        let [px, py, pz, nx, ny, nz, endless, distance] = end;
         Direct {
             wi: Vectors::select(known, self.wi, Vectors::new(x, y, z)),
             radiance: Vectors::select(known, self.radiance, Vectors::new(r, g, b)),
             density: Reals::select(known, self.density, density),
             delta: !known & delta.gt(zero),
+            distance: Reals::select(known, self.distance, distance),
             at: Vectors::select(known, self.at, Vectors::new(px, py, pz)),
             normal: Vectors::select(known, self.normal, Vectors::new(nx, ny, nz)),
             endless: !known & endless.gt(zero),
@@ -212,7 +217,8 @@ fn single_ends(
 }
 
 /// Light from sampled points in the lanes whose bits are set, one by one: rows of direction, radiance, density without the
-/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, and whether it has no place.
+/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, whether it has no place, and
+/// the distance.
 fn singles(
     context: &Context,
     lanes: u32,
@@ -227,7 +233,7 @@ fn singles(
             let (w, c, p, n) = (s.wi, s.radiance, s.point.position, s.point.normal);
             let [delta, endless] = [s.delta, !s.distance.is_finite()].map(|yes| f32::from(u8::from(yes)));
             found[0][i] = Row([w.x, w.y, w.z, c.x, c.y, c.z, s.pdf_w, delta]);
-            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, 0.0]);
+            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, s.distance]);
         }
     }
     found

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::clock::{self, Clock};
 use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
 use super::{SPECULAR, Tile, Waiting, each, set, stored};
@@ -14,12 +15,21 @@ use crate::transport::bsdf::clearcoat::Clearcoat;
 use crate::transport::bsdf::diffuse::Diffuse;
 use crate::transport::bsdf::disney::{Disney, Estimate, View};
 use crate::transport::bsdf::ggx::Ggx;
-use crate::transport::bsdf::{BsdfValue, Mode, adjoint};
+use crate::transport::bsdf::{BsdfValue, Local, Mode, adjoint, index_ratio, lambert};
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::Context;
 use crate::transport::ray::{Ray, offset_by_axis};
 use crate::transport::sampler::Independent;
 use crate::transport::surface::Point;
 use crate::transport::vertex::towards;
+
+/// A Lambert surface in rows.
+pub(super) fn rows_of_lambert(albedo: Vec3) -> [Row; 3] {
+    [Row([albedo.x, albedo.y, albedo.z, 0.0, 0.0, 0.0, 0.0, 0.0]), Row::default(), Row::default()]
+}
+
+/// Where the index of the inside stands in the first row of [`rows_of`].
+pub(super) const INSIDE: usize = 6;
 
 /// A BSDF in rows, for [`bsdfs`].
 pub(super) fn rows_of(d: &Disney) -> [Row; 3] {
@@ -44,7 +54,7 @@ fn bsdfs(rows: [&[Row; 3]; LANES], common: &Common) -> Disney<Vectors> {
         opaque: a[3],
         metallic: a[4],
         refractive: a[5],
-        ior: a[6],
+        ior: a[INSIDE],
         tinted_f0: common.tinted.then(|| Vectors::new(b[5], b[6], b[7])),
         diffuse: Diffuse { base_color, roughness: a[7], subsurface: b[1], sheen: Vectors::new(b[2], b[3], b[4]) },
         ggx: Ggx { alpha: [b[0]; 2] },
@@ -94,8 +104,11 @@ pub(super) struct Vertices {
     pub frame: Frame<Vectors>,
     /// Whether the shading normal is that of the real surface.
     flat: Yes,
-    pub bsdf: Disney<Vectors>,
-    pub view: View<Vectors>,
+    /// Of Lambert surfaces only the base colour says anything.
+    bsdf: Disney<Vectors>,
+    view: View<Vectors>,
+    /// Whether they are Lambert surfaces; else they are of the model `disney`.
+    lambert: bool,
     /// Unit direction to where the path came from.
     pub wo: Vectors,
     /// Its cosine with the shading normal.
@@ -111,9 +124,10 @@ impl Vertices {
         let bsdf = bsdfs(rows, common);
         let frame = Frame::from_normal(point.n_shading);
         let local = frame.to_local(wo);
-        let view = bsdf.view(local);
+        let lambert = common.lambert;
+        let view = if lambert { View::none() } else { bsdf.view(local) };
         let flat = point.n_shading.same(point.n_geometric);
-        let vertices = Vertices { point, frame, flat, bsdf, view, wo, cos_o: local.z(), seen: active };
+        let vertices = Vertices { point, frame, flat, bsdf, view, lambert, wo, cos_o: local.z(), seen: active };
         Vertices { seen: active & vertices.agree(wo, local.z()), ..vertices }
     }
 
@@ -139,7 +153,13 @@ impl Vertices {
         let n = self.point.n_shading;
         let cos_i = wi.dot(n);
         let same = (self.cos_o * cos_i).gt(zero);
-        let (mut f, [mut pdf_w, mut reverse]) = self.bsdf.evaluate_round::<REVERSE>(&self.view, self.wo, wi, n, cos_i);
+        let (mut f, [mut pdf_w, mut reverse]) = if self.lambert {
+            let (o, i) = (self.frame.to_local(self.wo), self.frame.to_local(wi));
+            let back = if REVERSE { lambert::pdf_w(i, o) } else { zero };
+            (lambert::eval(self.bsdf.base_color, o, i), [lambert::pdf_w(o, i), back])
+        } else {
+            self.bsdf.evaluate_round::<REVERSE>(&self.view, self.wo, wi, n, cos_i)
+        };
         let through = wanted & !same;
         if through.any() && self.bsdf.refractive.gt(zero).any() {
             let (other, [other_w, back]) = self.bsdf.evaluate::<REVERSE>(&self.view, self.frame.to_local(wi), mode);
@@ -158,6 +178,45 @@ impl Vertices {
             pdf_w: Reals::select(lets, pdf_w, zero),
             reverse_pdf_w: Reals::select(lets, reverse, zero),
         }
+    }
+}
+
+impl Vertices {
+    /// As `Disney::sample` and `Ideal::sample`; what is sampled may still be refused.
+    #[inline(always)]
+    pub fn sample<const REVERSE: bool>(
+        &self,
+        choice: Reals,
+        v: [Reals; 2],
+        mode: Mode,
+    ) -> (Yes, Local<Vectors>, Reals) {
+        if !self.lambert {
+            return self.bsdf.sample::<REVERSE>(&self.view, choice, v, mode);
+        }
+        let o = self.frame.to_local(self.wo);
+        let (some, sample) = lambert::sample(self.bsdf.base_color, o, v);
+        let reverse = if REVERSE { lambert::pdf_w(sample.wi, o) } else { Reals::of(0.0) };
+        (some, Local { sample, pdf_w: lambert::pdf_w(o, sample.wi), delta: Yes::of(false) }, reverse)
+    }
+
+    /// As `Bsdf::index_ratio`, in the lanes where light can pass between `wo` and `wi`.
+    #[inline(always)]
+    pub fn index_ratio(&self, wi: Vectors) -> Reals {
+        if !self.bsdf.refractive.gt(Reals::of(0.0)).any() {
+            return Reals::of(1.0);
+        }
+        index_ratio([self.cos_o, wi.dot(self.point.n_shading)], self.bsdf.ior)
+    }
+
+    /// As [`of_direct`](crate::transport::flight::of_direct).
+    #[inline(always)]
+    pub fn of_direct(&self, context: &Context, stamp: &Stamp<Reals>, direct: &Direct) -> [f64; LANES] {
+        let mut distance = direct.distance;
+        if direct.endless.any() {
+            let lead = context.lights.lead(self.point.position, direct.wi);
+            distance = Reals::select(direct.endless, lead, distance);
+        }
+        stamp.onward(self.index_ratio(direct.wi), distance).store()
     }
 }
 
@@ -188,25 +247,39 @@ pub(super) fn shadow_ray(row: &Row) -> (Ray, f32) {
 }
 
 /// The step of paths that have met surfaces of one class; those that go on are named in `tile.next`.
-pub(super) fn step(table: &Table, common: Common, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
+pub(super) fn step<const TIMED: bool>(
+    table: &Table,
+    common: Common,
+    context: &Context,
+    depth: u32,
+    paths: &[u32],
+    tile: &mut Tile,
+) {
     #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
     // SAFETY: streams are made only where the processor has AVX2.
     unsafe {
-        step_avx2(table, common, context, depth, paths, tile);
+        step_avx2::<TIMED>(table, common, context, depth, paths, tile);
     }
 }
 
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn step_avx2(table: &Table, common: Common, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
+fn step_avx2<const TIMED: bool>(
+    table: &Table,
+    common: Common,
+    context: &Context,
+    depth: u32,
+    paths: &[u32],
+    tile: &mut Tile,
+) {
     for group in paths.chunks(LANES) {
         // Lanes that have no path do again what the first has, for nothing.
         let lanes: [usize; LANES] = std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }] as usize);
-        step_of_eight(table, common, context, depth, lanes, group.len(), tile);
+        step_of_eight::<TIMED>(table, common, context, depth, lanes, group.len(), tile);
     }
 }
 
 #[inline(always)]
-fn step_of_eight(
+fn step_of_eight<const TIMED: bool>(
     table: &Table,
     common: Common,
     context: &Context,
@@ -228,18 +301,23 @@ fn step_of_eight(
     let active = Yes::first(count);
 
     let point = points(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
+    let mut stamp = clock::stamps::<TIMED>(&tile.clocks, lanes);
+    if TIMED && clock::counts(context, depth) {
+        let from = if depth == 1 { origin } else { Vectors::new(state[1], state[2], state[3]) };
+        stamp.travel(from, point.position);
+    }
     let rows = each(primitives, |p| &table.rows[table.row_of[p as usize] as usize]);
     let vertices = Vertices::new(point, -dir, rows, &common, active);
 
     if common.joined {
         let numbers = Independent::next_three(key, taken);
         taken = taken.add(Words::of(3));
-        connect(context, &table.lamps, &vertices, throughput, numbers, lanes, &mut tile.waiting);
+        connect::<TIMED>(context, &table.lamps, &vertices, (throughput, &stamp), numbers, lanes, tile);
     }
 
     let [choice, u, v] = Independent::next_three(key, taken);
     taken = taken.add(Words::of(3));
-    let (some, s, _) = vertices.bsdf.sample::<false>(&vertices.view, choice, [u, v], Mode::Radiance);
+    let (some, s, _) = vertices.sample::<false>(choice, [u, v], Mode::Radiance);
     let wi = vertices.frame.to_world(s.sample.wi);
     let mut on = vertices.seen & some & s.pdf_w.gt(zero) & vertices.agree(wi, s.sample.wi.z());
     let mut throughput = throughput * s.sample.weight;
@@ -259,6 +337,13 @@ fn step_of_eight(
     let way = [start.x(), start.y(), start.z(), wi.x(), wi.y(), wi.z(), throughput.x(), throughput.y()];
     let state = [throughput.z(), from.x(), from.y(), from.z(), last, eta_scale, taken.as_bits(), zero];
     let (way, state) = (stored(way), stored(state));
+    if TIMED {
+        stamp.leave(s.sample.eta);
+        let clocks = clock::clocks(&stamp);
+        for i in set(on.bits()) {
+            tile.clocks[lanes[i]] = Clock(clocks[i]);
+        }
+    }
     for i in set(on.bits()) {
         tile.records[lanes[i]].rows[0] = way[i];
         tile.records[lanes[i]].rows[1] = state[i];
@@ -268,14 +353,14 @@ fn step_of_eight(
 
 /// Joins each vertex to a sampled point of a light: as `nee` does, but that the shadow ray waits.
 #[inline(always)]
-fn connect(
+fn connect<const TIMED: bool>(
     context: &Context,
     lamps: &Lamps,
     vertices: &Vertices,
-    throughput: Vectors,
+    (throughput, stamp): (Vectors, &Stamp<Reals>),
     numbers: [Reals; 3],
     lanes: [usize; LANES],
-    waiting: &mut Vec<Waiting>,
+    tile: &mut Tile,
 ) {
     let zero = Reals::of(0.0);
     let Point { position: from, n_geometric, n_shading } = vertices.point;
@@ -295,9 +380,13 @@ fn connect(
     let value = throughput * radiance * weight;
     let rays = shadow_rays([from, n_geometric], [direct.at, direct.normal], wi, direct.endless);
     let values = stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero]);
+    if TIMED {
+        let lengths = vertices.of_direct(context, stamp, &direct);
+        tile.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         let (ray, distance) = shadow_ray(&rays[i]);
         let [r, g, b, ..] = values[i].0;
-        waiting.push(Waiting { ray, distance, value: Vec3::new(r, g, b), path: lanes[i] as u32 });
+        tile.waiting.push(Waiting { ray, distance, value: Vec3::new(r, g, b), path: lanes[i] as u32 });
     }
 }

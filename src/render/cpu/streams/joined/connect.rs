@@ -3,22 +3,23 @@
 
 use glam::Vec3;
 
-use super::{Node, Subpaths, Work};
+use super::{Node, Own, Subpaths, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
-use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
-use crate::render::cpu::streams::{each, set, stored};
-use crate::transport::bsdf::{BsdfValue, Mode};
+use crate::render::cpu::streams::shade::{INSIDE, Vertices, shadow_ray, shadow_rays};
+use crate::render::cpu::streams::{Found, each, set, stored};
+use crate::transport::bsdf::{BsdfValue, Mode, index_ratio};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::bdpt::weights::{Chain, Side, others_of_ends, others_of_lens, others_of_next_event};
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Independent;
 use crate::transport::surface::Point;
 use crate::transport::vertex::area_factor;
 
-/// Who is told of light for another pixel: the path that brings it, the pixel, and the light.
-pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3) + 'a;
+/// Who is told of light for another pixel: the path that brings it, the pixel, the light, and when it arrives.
+pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3, f64) + 'a;
 
 /// So many connections wait for their shadow rays until those are traced.
 const WAITING: usize = 64;
@@ -40,6 +41,8 @@ pub(super) enum To {
 pub(super) struct Waiting {
     rays: Vec<(Ray, f32)>,
     lights: Vec<(Vec3, To)>,
+    /// When they arrive, where there is a time axis.
+    pub lengths: Vec<f64>,
     hidden: Vec<bool>,
 }
 
@@ -85,11 +88,19 @@ struct Shot {
     taken: u32,
 }
 
+/// What is added to samples, in this order.
+#[derive(Default)]
+pub(super) struct Slots {
+    /// The path, and the light.
+    lights: Vec<(u32, Vec3)>,
+    /// When it arrives, where there is a time axis.
+    lengths: Vec<f64>,
+}
+
 /// All connections of a tile.
 #[derive(Default)]
 pub(super) struct Lists {
-    /// What is added to each sample, in this order: its path, and the light.
-    slots: Vec<(u32, Vec3)>,
+    slots: Slots,
     /// By the class of the camera vertex.
     events: Vec<Vec<Event>>,
     pairs: Vec<Vec<Pair>>,
@@ -107,33 +118,42 @@ impl Lists {
         self.shots.resize_with(classes, Vec::new);
     }
 
-    fn slot(&mut self, path: usize, value: Vec3) -> u32 {
-        self.slots.push((path as u32, value));
-        self.slots.len() as u32 - 1
+    fn slot<const TIMED: bool>(&mut self, path: usize, value: Vec3, length: f64) -> u32 {
+        self.slots.lights.push((path as u32, value));
+        if TIMED {
+            self.slots.lengths.push(length);
+        }
+        self.slots.lights.len() as u32 - 1
     }
 
     /// Lists everything that a sample brings to its own pixel, and returns how many of its numbers are then taken.
-    pub fn own(&mut self, work: &Work, path: usize, [light, camera]: [&Subpaths; 2], escaped: Vec3) -> u32 {
+    pub fn own<const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        path: usize,
+        [light, camera]: [&Subpaths; 2],
+        (escaped, length): (Vec3, f64),
+    ) -> u32 {
         let Work { table, context, .. } = *work;
         let (settings, max) = (context.settings, context.max_depth);
         let mut taken = light.walkers[path].taken();
         if escaped != Vec3::ZERO {
-            self.slot(path, escaped);
+            self.slot::<TIMED>(path, escaped, length);
         }
         for (z, t) in camera.path(path).zip(2..) {
             let node = &camera.nodes[z as usize];
             if node.found != Vec3::ZERO {
-                self.slot(path, node.found);
+                self.slot::<TIMED>(path, node.found, if TIMED { node.stamp().arrived() } else { 0.0 });
             }
             let Some(class) = node.class.map(usize::from).filter(|class| table.common(*class).joined) else { continue };
             if settings.wants(1, t) {
-                let slot = self.slot(path, Vec3::ZERO);
+                let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
                 self.events[class].push(Event { slot, path: path as u32, z, taken });
                 taken += 3;
             }
             for (y, s) in light.path(path).zip(2..).take_while(|(_, s)| s + t - 1 <= max) {
                 if settings.wants(s, t) && work.joins(&light.nodes[y as usize]).is_some() {
-                    let slot = self.slot(path, Vec3::ZERO);
+                    let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
                     self.pairs[class].push(Pair { slot, y, z });
                 }
             }
@@ -142,7 +162,7 @@ impl Lists {
     }
 
     /// Lists what the light subpath of a sample brings to whatever pixel, when so many of its numbers are taken.
-    pub fn lens(&mut self, work: &Work, path: usize, light: &Subpaths, mut taken: u32) {
+    pub fn lens<const TIMED: bool>(&mut self, work: &Work<TIMED>, path: usize, light: &Subpaths, mut taken: u32) {
         for (y, s) in light.path(path).zip(2..) {
             if work.context.settings.wants(s, 1)
                 && let Some(class) = work.joins(&light.nodes[y as usize])
@@ -155,23 +175,39 @@ impl Lists {
 
     /// Whether it is time to make what is listed: deep paths have many connections.
     pub fn are_full(&self) -> bool {
-        self.slots.len() >= LISTED
+        self.slots.lights.len() >= LISTED
     }
 
     /// Makes all connections that are listed, and adds what each brings to its own pixel to the value of its sample.
-    pub fn make(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, values: &mut [Vec3], splat: &mut Splat) {
+    pub fn make<const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        [light, camera]: [&Subpaths; 2],
+        own: &mut Own,
+        splat: &mut Splat,
+    ) {
         #[expect(unsafe_code, reason = "functions that are compiled for AVX2")]
         // SAFETY: streams are made only where the processor has AVX2.
         unsafe {
             self.make_avx2(work, light, camera, splat);
         }
-        for (path, value) in self.slots.drain(..) {
-            values[path as usize] += value;
+        for (i, (path, value)) in self.slots.lights.drain(..).enumerate() {
+            own.values[path as usize] += value;
+            if TIMED && value != Vec3::ZERO {
+                own.found.push(Found { path, value, length: self.slots.lengths[i] });
+            }
         }
+        self.slots.lengths.clear();
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn make_avx2(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, splat: &mut Splat) {
+    fn make_avx2<const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        light: &Subpaths,
+        camera: &Subpaths,
+        splat: &mut Splat,
+    ) {
         let Lists { slots, events, pairs, halves, shots, waiting } = self;
         for class in 0..events.len() {
             for group in events[class].chunks(LANES) {
@@ -206,15 +242,15 @@ impl Lists {
     }
 }
 
-impl Work<'_> {
+impl<const TIMED: bool> Work<'_, TIMED> {
     /// The class of a vertex, if anything can be joined to it.
     fn joins(&self, node: &Node) -> Option<usize> {
         node.class.map(usize::from).filter(|class| self.table.common(*class).joined)
     }
 
     /// Traces the rays that wait, and hands on what is not hidden.
-    pub(super) fn resolve(&self, waiting: &mut Waiting, slots: &mut [(u32, Vec3)], splat: &mut Splat) {
-        let Waiting { rays, lights, hidden } = waiting;
+    pub(super) fn resolve(&self, waiting: &mut Waiting, slots: &mut Slots, splat: &mut Splat) {
+        let Waiting { rays, lights, lengths, hidden } = waiting;
         hidden.clear();
         // Points that coincide are not hidden from each other.
         if rays.iter().any(|(_, distance)| *distance <= 0.0) {
@@ -223,12 +259,19 @@ impl Work<'_> {
             self.context.trace.occluded_each(rays, hidden);
         }
         rays.clear();
-        for ((value, to), _) in lights.drain(..).zip(&*hidden).filter(|(_, hidden)| !**hidden) {
+        for (i, ((value, to), _)) in lights.drain(..).zip(&*hidden).enumerate().filter(|(_, (_, hidden))| !**hidden) {
+            let length = if TIMED { lengths[i] } else { 0.0 };
             match to {
-                To::Slot(slot) => slots[slot as usize].1 = value,
-                To::Pixel(path, pixel) => splat(path, pixel, value),
+                To::Slot(slot) => {
+                    slots.lights[slot as usize].1 = value;
+                    if TIMED {
+                        slots.lengths[slot as usize] = length;
+                    }
+                }
+                To::Pixel(path, pixel) => splat(path, pixel, value, length),
             }
         }
+        lengths.clear();
     }
 
     /// What is left of light when all strategies that find it have their share, in the lanes where it is of any use.
@@ -253,7 +296,16 @@ pub(super) struct OnFilm {
     pub importance: Reals,
 }
 
-impl Work<'_> {
+impl<const TIMED: bool> Work<'_, TIMED> {
+    /// When light of these paths arrives that only has to go so far to the lens.
+    #[inline(always)]
+    pub(super) fn lens_lengths(&self, of: [u32; LANES], distance: Reals) -> Doubles {
+        let emitted = Reals::load(&Row(each(of, |path| self.emitted[path as usize])));
+        let timing = self.context.timing.filter(|timing| timing.camera);
+        let last = timing.map_or(Reals::of(0.0), |timing| Reals::of(timing.medium) * distance);
+        emitted.double() + last.double()
+    }
+
     /// The numbers with which these paths choose points of the lens and pixels, when so many are taken; zeros where neither
     /// has a use for them.
     #[inline(always)]
@@ -324,10 +376,17 @@ fn places(nodes: [&Node; LANES]) -> (Point<Vectors>, Vectors, Vectors, Side<Real
     (point, Vectors::new(b[3], b[4], b[5]), Vectors::new(b[6], b[7], last), Side { chain, back: a[6] })
 }
 
+/// When paths are at these vertices.
 #[inline(always)]
-fn loaded(work: &Work, class: usize, nodes: [&Node; LANES], active: Yes) -> Loaded {
+fn stamps(nodes: [&Node; LANES]) -> Stamp<Reals> {
+    let [_, path, late, index, ..] = transposed(each(nodes, |node| &node.rows[2]));
+    Stamp { path, late, delay: Reals::of(0.0), index }
+}
+
+#[inline(always)]
+fn loaded<const TIMED: bool>(work: &Work<TIMED>, class: usize, nodes: [&Node; LANES], active: Yes) -> Loaded {
     let (point, wo, throughput, side) = places(nodes);
-    let rows = nodes.map(|node| &work.table.rows[node.rows[0].0[7].to_bits() as usize]);
+    let rows = nodes.map(|node| &work.table.rows[node.material()]);
     Loaded { vertices: Vertices::new(point, wo, rows, &work.table.common(class), active), throughput, side }
 }
 
@@ -351,12 +410,19 @@ pub(super) fn words(of: [u32; LANES]) -> Words {
 
 /// `s = 1`, `t >= 2`.
 #[inline(always)]
-fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, waiting: &mut Waiting) {
+fn next_events<const TIMED: bool>(
+    work: &Work<TIMED>,
+    class: usize,
+    group: &[Event],
+    camera: &Subpaths,
+    waiting: &mut Waiting,
+) {
     let events = filled(group);
     let active = Yes::first(group.len());
     let zero = Reals::of(0.0);
     let numbers = Independent::next_three(keys(camera, events.map(|e| e.path)), words(events.map(|e| e.taken)));
-    let z = loaded(work, class, events.map(|e| &camera.nodes[e.z as usize]), active);
+    let nodes = events.map(|e| &camera.nodes[e.z as usize]);
+    let z = loaded(work, class, nodes, active);
     let Point { position, n_geometric, n_shading } = z.vertices.point;
     let d = work.table.lamps.direct(work.context, position, numbers, z.vertices.seen);
     let arrives = z.vertices.seen & d.density.gt(zero);
@@ -376,6 +442,10 @@ fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, wa
     let usable = end.direct.gt(Doubles::of(0.0));
     let values = work.shared(unweighted, others, usable);
     let rays = shadow_rays(from, [d.at, d.normal], d.wi, d.endless);
+    if TIMED {
+        let lengths = z.vertices.of_direct(work.context, &stamps(nodes), &d);
+        waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Slot(events[i].slot));
     }
@@ -383,7 +453,13 @@ fn next_events(work: &Work, class: usize, group: &[Event], camera: &Subpaths, wa
 
 /// What camera vertices make of the directions to light vertices; pairs without any are dropped.
 #[inline(always)]
-fn halfway(work: &Work, class: usize, group: &[Pair], [light, camera]: [&Subpaths; 2], halves: &mut [Vec<Half>]) {
+fn halfway<const TIMED: bool>(
+    work: &Work<TIMED>,
+    class: usize,
+    group: &[Pair],
+    [light, camera]: [&Subpaths; 2],
+    halves: &mut [Vec<Half>],
+) {
     let pairs = filled(group);
     let z = loaded(work, class, pairs.map(|p| &camera.nodes[p.z as usize]), Yes::first(group.len()));
     let [x, y, c, ..] = transposed(pairs.map(|p| &light.nodes[p.y as usize].rows[0]));
@@ -403,11 +479,19 @@ fn halfway(work: &Work, class: usize, group: &[Pair], [light, camera]: [&Subpath
 
 /// `s >= 2`, `t >= 2`.
 #[inline(always)]
-fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 2], waiting: &mut Waiting) {
+fn ends<const TIMED: bool>(
+    work: &Work<TIMED>,
+    class: usize,
+    group: &[Half],
+    [light, camera]: [&Subpaths; 2],
+    waiting: &mut Waiting,
+) {
     let halves = filled(group);
     let active = Yes::first(group.len());
-    let y = loaded(work, class, halves.map(|h| &light.nodes[h.pair.y as usize]), active);
-    let (z, _, z_throughput, z_side) = places(halves.map(|h| &camera.nodes[h.pair.z as usize]));
+    let (y_nodes, z_nodes) =
+        (halves.map(|h| &light.nodes[h.pair.y as usize]), halves.map(|h| &camera.nodes[h.pair.z as usize]));
+    let y = loaded(work, class, y_nodes, active);
+    let (z, z_wo, z_throughput, z_side) = places(z_nodes);
     let known = halves.map(|h| {
         let [r, g, b, w, back] = h.at_z;
         Row([r, g, b, w, back, 0.0, 0.0, 0.0])
@@ -429,6 +513,14 @@ fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 
     let others = others_of_ends(work.h, [&y.side, &z_side], [&at_y, &at_z], to);
     let values = work.shared(unweighted, others, lit);
     let rays = shadow_rays([z.position, z.n_geometric], [at.position, at.n_geometric], wi, Yes::of(false));
+    if TIMED {
+        let inside = Row(each(z_nodes, |node| work.table.rows[node.material()][0].0[INSIDE]));
+        let ratio = index_ratio([z_wo.dot(z.n_shading), wi.dot(z.n_shading)], Reals::load(&inside));
+        let z = stamps(z_nodes);
+        let near = z.onward(ratio, distance2.sqrt());
+        let lengths = (near + stamps(y_nodes).of_light(y.vertices.index_ratio(-wi), z.index * ratio)).store();
+        waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Slot(halves[i].pair.slot));
     }
@@ -436,10 +528,17 @@ fn ends(work: &Work, class: usize, group: &[Half], [light, camera]: [&Subpaths; 
 
 /// `s >= 2`, `t = 1`.
 #[inline(always)]
-fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, waiting: &mut Waiting) {
+fn lens_shots<const TIMED: bool>(
+    work: &Work<TIMED>,
+    class: usize,
+    group: &[Shot],
+    light: &Subpaths,
+    waiting: &mut Waiting,
+) {
     let shots = filled(group);
     let active = Yes::first(group.len());
-    let y = loaded(work, class, shots.map(|s| &light.nodes[s.y as usize]), active);
+    let nodes = shots.map(|s| &light.nodes[s.y as usize]);
+    let y = loaded(work, class, nodes, active);
     let Point { position, n_geometric, n_shading } = y.vertices.point;
     let numbers = work.lens_numbers(light, shots.map(|s| s.path), shots.map(|s| s.taken));
     let OnFilm { at, pixels, inside, importance } = work.onto_film(position, numbers, y.vertices.seen);
@@ -457,6 +556,12 @@ fn lens_shots(work: &Work, class: usize, group: &[Shot], light: &Subpaths, waiti
     let values = work.shared(unweighted, others, lit);
     let nowhere = Vectors::of(Vec3::ZERO);
     let rays = shadow_rays([position, n_geometric], [at.lens, nowhere], at.dir, Yes::of(false));
+    if TIMED {
+        let medium = Reals::of(work.context.timing.map_or(1.0, |t| t.medium));
+        let before = stamps(nodes).of_light(y.vertices.index_ratio(-at.dir), medium);
+        let lengths = (work.lens_lengths(each(shots, |s| s.path), at.distance) + before).store();
+        waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Pixel(shots[i].path, pixels[i]));
     }

@@ -49,7 +49,7 @@ pub(super) struct Starts {
 
 impl Starts {
     /// Starts the light subpaths of samples whose camera subpaths have ended; those that have an edge are then active.
-    pub fn begin(&mut self, work: &Work, camera: &Subpaths, light: &mut Subpaths) {
+    pub fn begin<const TIMED: bool>(&mut self, work: &Work<TIMED>, camera: &Subpaths, light: &mut Subpaths) {
         self.sights.clear();
         self.of.clear();
         self.of.resize(camera.walkers.len(), Start::None);
@@ -69,7 +69,7 @@ impl Starts {
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn begin_avx2(&mut self, work: &Work, light: &mut Subpaths) {
+    fn begin_avx2<const TIMED: bool>(&mut self, work: &Work<TIMED>, light: &mut Subpaths) {
         let paths: Vec<u32> = (0..self.of.len() as u32).collect();
         for group in paths.chunks(LANES) {
             self.begin_eight(work, filled(group), Yes::first(group.len()), light);
@@ -77,7 +77,13 @@ impl Starts {
     }
 
     #[inline(always)]
-    fn begin_eight(&mut self, work: &Work, paths: [u32; LANES], active: Yes, light: &mut Subpaths) {
+    fn begin_eight<const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        paths: [u32; LANES],
+        active: Yes,
+        light: &mut Subpaths,
+    ) {
         let zero = Reals::of(0.0);
         let (key, taken) = (keys(light, paths), words(each(paths, |p| light.walkers[p as usize].taken())));
         let [choice, u0, u1] = Independent::next_three(key, taken);
@@ -132,14 +138,21 @@ impl Starts {
     }
 
     /// Joins all starts that are listed to the lens; what lanes know then waits.
-    pub fn see(&self, work: &Work, light: &Subpaths, waiting: &mut Waiting, splat: &mut Splat) {
+    pub fn see<const TIMED: bool>(
+        &self,
+        work: &Work<TIMED>,
+        light: &Subpaths,
+        waiting: &mut Waiting,
+        splat: &mut Splat,
+    ) {
         let (plain, others): (Vec<Sight>, Vec<Sight>) =
             self.sights.iter().partition(|s| matches!(self.of[s.path as usize], Start::Plain(_)));
         for Sight { path, taken } in others {
             if let Start::Single(start) = &self.of[path as usize] {
                 let mut sampler = Sampler::Independent(light.walkers[path as usize].numbers(taken));
-                if let Some((found, at)) = seen(work.context, work.h, start, 0.0, &mut sampler) {
-                    splat(path, at.pixel, work.weighted(Some(found)));
+                let emitted = if TIMED { work.emitted[path as usize] } else { 0.0 };
+                if let Some((found, at)) = seen(work.context, work.h, start, emitted, &mut sampler) {
+                    splat(path, at.pixel, work.weighted(Some(found)), found.length);
                 }
             }
         }
@@ -151,7 +164,13 @@ impl Starts {
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn see_avx2(&self, work: &Work, sights: &[Sight], light: &Subpaths, waiting: &mut Waiting) {
+    fn see_avx2<const TIMED: bool>(
+        &self,
+        work: &Work<TIMED>,
+        sights: &[Sight],
+        light: &Subpaths,
+        waiting: &mut Waiting,
+    ) {
         for group in sights.chunks(LANES) {
             self.see_eight(work, filled(group), Yes::first(group.len()), light, waiting);
         }
@@ -159,7 +178,14 @@ impl Starts {
 
     /// `s = 1`, `t = 1`.
     #[inline(always)]
-    fn see_eight(&self, work: &Work, sights: [Sight; LANES], active: Yes, light: &Subpaths, waiting: &mut Waiting) {
+    fn see_eight<const TIMED: bool>(
+        &self,
+        work: &Work<TIMED>,
+        sights: [Sight; LANES],
+        active: Yes,
+        light: &Subpaths,
+        waiting: &mut Waiting,
+    ) {
         let zero = Reals::of(0.0);
         let starts = each(sights, |s| match self.of[s.path as usize] {
             Start::Plain(rows) => rows,
@@ -182,6 +208,10 @@ impl Starts {
         let lit = seen.inside & cos.gt(zero) & !unweighted.same(nowhere);
         let values = work.shared(unweighted, others_of_seen(work.h, &end, seen.at.pdf_w), lit);
         let rays = shadow_rays([at, normal], [lens, nowhere], dir, Yes::of(false));
+        if TIMED {
+            let lengths = work.lens_lengths(each(sights, |s| s.path), seen.at.distance).store();
+            waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+        }
         for i in set(lit.bits()) {
             waiting.push(&rays[i], &values[i], To::Pixel(sights[i].path, seen.pixels[i]));
         }
@@ -197,7 +227,7 @@ impl Walker {
 }
 
 /// The start of a light subpath on any light, from these numbers; the walker then leaves it.
-fn single(work: &Work, walker: &mut Walker, numbers: Independent) -> Option<EmissionSample> {
+fn single<const TIMED: bool>(work: &Work<TIMED>, walker: &mut Walker, numbers: Independent) -> Option<EmissionSample> {
     let mut sampler = Sampler::Independent(numbers);
     let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
     let start = work.context.lights.sample_emission(work.context.scene, choice, u, v)?;

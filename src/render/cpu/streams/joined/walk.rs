@@ -6,6 +6,7 @@ use super::start::Start;
 use super::{Node, Subpaths, Walker, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
+use crate::render::cpu::streams::clock::{self, Clock};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
 use crate::render::cpu::streams::{each, set, stored};
@@ -18,12 +19,12 @@ use crate::transport::vertex::{area_factors, towards};
 
 /// Follows the active subpaths of the light's side or of the camera's until they end, over so many edges at most. Light from
 /// outside that camera paths find goes to `escaped`.
-pub(super) fn all<const LIGHT: bool>(
-    work: &Work,
+pub(super) fn all<const LIGHT: bool, const TIMED: bool>(
+    work: &Work<TIMED>,
     paths: &mut Subpaths,
     max_edges: u32,
     starts: &[Start],
-    escaped: &mut [Vec3],
+    escaped: &mut [(Vec3, f64)],
 ) {
     let mut active = std::mem::take(&mut paths.active);
     let (mut rays, mut hits) = (Vec::new(), Vec::new());
@@ -36,20 +37,29 @@ pub(super) fn all<const LIGHT: bool>(
         hits.clear();
         work.context.trace.closest_each(&rays, &mut hits);
         for (path, hit) in active.drain(..).zip(&hits) {
-            let walker = &mut paths.walkers[path as usize];
             let Some(hit) = hit else {
                 if !LIGHT {
-                    escaped[path as usize] = work.escaped(walker, edge + 1);
+                    escaped[path as usize] = work.escaped(paths, path as usize, edge);
                 }
                 continue;
             };
-            let found = if LIGHT { Vec3::ZERO } else { work.met(walker, hit, edge + 1) };
+            let walker = &mut paths.walkers[path as usize];
+            let met = if LIGHT { None } else { work.met(walker, hit, edge) };
+            let found = met.map_or(Vec3::ZERO, |(found, _)| found);
             match work.table.class(hit.primitive).filter(|_| !last) {
                 Some(class) => {
                     walker.meet(hit, found);
                     lists[class].push(path);
                 }
-                None if found != Vec3::ZERO => paths.push(path as usize, Node { found, ..Node::default() }),
+                None if found != Vec3::ZERO => {
+                    let mut node = Node { found, ..Node::default() };
+                    if let (true, Some((_, at))) = (TIMED, met) {
+                        let mut flight = work.flight(walker, &paths.clocks[path as usize], edge);
+                        flight.travel(at);
+                        node.set_stamp(&Clock::new(&flight.stamp()).0);
+                    }
+                    paths.push(path as usize, node);
+                }
                 None => {}
             }
         }
@@ -68,8 +78,8 @@ pub(super) fn all<const LIGHT: bool>(
 }
 
 /// A step of paths that have met surfaces of one class.
-struct Step<'a> {
-    work: &'a Work<'a>,
+struct Step<'a, const TIMED: bool> {
+    work: &'a Work<'a, TIMED>,
     class: usize,
     /// The edge on which they came.
     edge: u32,
@@ -78,7 +88,7 @@ struct Step<'a> {
     starts: &'a [Start],
 }
 
-impl Step<'_> {
+impl<const TIMED: bool> Step<'_, TIMED> {
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     fn paths<const LIGHT: bool>(&self, list: &[u32], paths: &mut Subpaths) {
         for group in list.chunks(LANES) {
@@ -113,6 +123,10 @@ impl Step<'_> {
         let before = [Vectors::new(left[1], left[2], left[3]), Vectors::new(left[4], left[5], left[6])];
 
         let point = points(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
+        let mut stamp = clock::stamps::<TIMED>(&paths.clocks, lanes);
+        if TIMED && (LIGHT || clock::counts(context, edge)) {
+            stamp.travel(before[0], point.position);
+        }
         let here = [point.position, point.n_geometric];
         let wo = -dir;
         let (some, chain, back) = if LIGHT && edge == 1 {
@@ -142,13 +156,18 @@ impl Step<'_> {
         let second = stored([ns.x(), ns.y(), ns.z(), wo.x(), wo.y(), wo.z(), t.x(), t.y()]);
         let (last, joint, tail) = (t.z().store().0, chain.joint.store(), chain.tail.store());
         let made = (active & some).bits();
+        let clocks = if TIMED { clock::clocks(&stamp) } else { Default::default() };
         for i in set(made) {
             let mut rows = [first[i], second[i], Default::default()];
             rows[0].0[7] = f32::from_bits(materials[i]);
             rows[2].0[0] = last[i];
             let found = Vec3::from_slice(&paths.walkers[lanes[i]].rows[3].0[5..]);
             let class = Some(self.class as u8);
-            paths.push(lanes[i], Node { rows, chain: [joint[i], tail[i]], class, found, next: 0 });
+            let mut node = Node { rows, chain: [joint[i], tail[i]], class, found, next: 0 };
+            if TIMED {
+                node.set_stamp(&clocks[i]);
+            }
+            paths.push(lanes[i], node);
         }
         if !self.goes_on || made == 0 {
             return;
@@ -158,7 +177,7 @@ impl Step<'_> {
         let mut taken = rest[2].bits();
         let [choice, u, v] = Independent::next_three(key, taken);
         taken = taken.add(Words::of(3));
-        let (some, s, reverse) = vertices.bsdf.sample::<true>(&vertices.view, choice, [u, v], mode);
+        let (some, s, reverse) = vertices.sample::<true>(choice, [u, v], mode);
         let wi = vertices.frame.to_world(s.sample.wi);
         let cos_i = s.sample.wi.z();
         let mut on = vertices.seen & some & s.pdf_w.gt(zero) & vertices.agree(wi, cos_i);
@@ -192,6 +211,13 @@ impl Step<'_> {
         let (y, z) = (promise.y().store().0, promise.z().store().0);
         let taken = taken.as_bits().store().0;
         let (pdf_w, joint, tail) = (pdf_w.store(), link.joint.store(), link.tail.store());
+        if TIMED {
+            stamp.leave(eta);
+            let clocks = clock::clocks(&stamp);
+            for i in set(on.bits()) {
+                paths.clocks[lanes[i]] = Clock(clocks[i]);
+            }
+        }
         for i in set(made) {
             paths.walkers[lanes[i]].rows[3].0[2] = taken[i];
         }
