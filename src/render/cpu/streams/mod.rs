@@ -34,16 +34,18 @@ use self::table::Table;
 use super::accel::Accel;
 use super::brought::Brought;
 use super::lanes::Isa;
+use super::together::{self, alone};
 use crate::math::lanes::{LANES, Reals, Row, transposed};
 use crate::render::Job;
+use crate::render::hierarchy::InLanes;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
 use crate::transport::flight::Flight;
 use crate::transport::integrator::nee::{self, Last, State, StepFn, Timed, TimedStepFn};
-use crate::transport::integrator::{Context, Settings, bdpt, bpt};
+use crate::transport::integrator::{Context, bpt};
 use crate::transport::ray::{Hit, Ray};
-use crate::transport::sampler::{self, Independent, Sampler};
+use crate::transport::sampler::{Independent, Sampler};
 
 /// Samples of a tile: their records fill half of a cache of the first level.
 const TILE: usize = 256;
@@ -51,9 +53,8 @@ const TILE: usize = 256;
 /// In the place of a density where the last event was specular.
 const SPECULAR: f32 = -1.0;
 
-/// An integrator whose paths can go together.
+/// What paths do that can go together.
 struct Kind {
-    name: &'static str,
     /// Whether vertices are joined to lights.
     joined: bool,
     /// The step of one path by itself; `None` where samples have [two paths](joined).
@@ -67,11 +68,11 @@ struct Alone {
     timed: TimedStepFn,
 }
 
-/// Every integrator whose paths can go together.
-const KINDS: [Kind; 3] = [
-    Kind { name: nee::ROW.name, joined: true, step: Some(Alone { plain: State::step, timed: nee::timed_step }) },
-    Kind { name: bpt::ROW.name, joined: false, step: Some(Alone { plain: bpt::step, timed: bpt::timed_step }) },
-    Kind { name: bdpt::ROW.name, joined: true, step: None },
+/// The kinds of [`together::INTEGRATORS`].
+const KINDS: [Kind; together::INTEGRATORS.len()] = [
+    Kind { joined: true, step: Some(Alone { plain: State::step, timed: nee::timed_step }) },
+    Kind { joined: false, step: Some(Alone { plain: bpt::step, timed: bpt::timed_step }) },
+    Kind { joined: true, step: None },
 ];
 
 /// The column and the index of a sample.
@@ -138,8 +139,7 @@ impl Record {
     }
 
     fn ray(&self) -> Ray {
-        let [x, y, z, u, v, w, ..] = self.rows[0].0;
-        Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+        ray_in(&self.rows[0])
     }
 
     fn state(&self) -> State {
@@ -150,28 +150,55 @@ impl Record {
     }
 
     fn numbers(&self) -> Independent {
-        let [.., a, b, c, d] = self.rows[2].0;
-        Independent::resumed([a, b, c, d].map(f32::to_bits), self.rows[1].0[6].to_bits())
+        numbers_in(&self.rows[2], self.rows[1].0[6].to_bits())
     }
 
     fn meet(&mut self, hit: &Hit) {
-        self.rows[2].0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+        put_hit(&mut self.rows[2], hit);
     }
 }
 
+/// The ray with which a row begins.
+#[inline]
+fn ray_in(row: &Row) -> Ray {
+    let [x, y, z, u, v, w, ..] = row.0;
+    Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+}
+
+/// The numbers with whose key a row ends, once so many of them are taken.
+#[inline]
+fn numbers_in(row: &Row, taken: u32) -> Independent {
+    let [.., a, b, c, d] = row.0;
+    Independent::resumed([a, b, c, d].map(f32::to_bits), taken)
+}
+
+/// Lets a row begin with where a ray met what.
+#[inline]
+fn put_hit(row: &mut Row, hit: &Hit) {
+    row.0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+}
+
+/// So many of a group as there are lanes. Lanes that have none do again what the first has, for nothing.
+#[inline(always)]
+fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
+    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
+}
+
 impl Streams {
-    /// For a job that asks for it and can be done so: `bpt`, or `nee` with one light for each vertex, independent numbers and
-    /// nothing but a picture or a film with a time axis, in a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None`
-    /// for all others, and where no surface would gain.
+    /// For a job that wants it and [can be done so](alone), in a scene where neither parts of materials nor overhangs matter, on
+    /// a processor with AVX2. `None` for all others, where no surface would gain, and, unless lanes are asked for, where some
+    /// surface is unknown to them: that could make one technique wait and not another.
     pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
-        let kind = KINDS.iter().find(|kind| kind.name == job.integrator.name)?;
-        let plain = job.accel.lanes
-            && job.sampler.name == sampler::INDEPENDENT.name
-            && job.layers.is_empty()
-            && !Settings::new(&job.params).all_lights
+        let kind = &KINDS[together::INTEGRATORS.iter().position(|name| *name == job.integrator.name)?];
+        let wanted = match job.accel.lanes {
+            InLanes::Never => false,
+            InLanes::Auto => table::knows_all(scene),
+            InLanes::Always => true,
+        };
+        let plain = alone(job.integrator, &job.params, job.sampler, !job.layers.is_empty()).is_none()
             && scene.delays.is_empty()
             && !scene.materials.iter().any(|m| m.shadow_terminator);
-        if !plain || accel.isa() != Isa::Avx2 {
+        if !wanted || !plain || accel.isa() != Isa::Avx2 {
             return None;
         }
         let pairs = kind.step.is_none();
@@ -278,9 +305,9 @@ impl Streams {
                 } else {
                     let pixel = [named[path as usize].0, y];
                     let goes_on = if TIMED {
-                        timed_alone(step.timed, context, pixel, depth, hit, path as usize, tile)
+                        by_itself_timed(step.timed, context, pixel, depth, hit, path as usize, tile)
                     } else {
-                        alone(step.plain, context, pixel, depth, hit, path as usize, tile)
+                        by_itself(step.plain, context, pixel, depth, hit, path as usize, tile)
                     };
                     if goes_on {
                         tile.next.push(path);
@@ -313,7 +340,7 @@ impl Streams {
 }
 
 /// A step of one path by itself; whether it goes on.
-fn alone(
+fn by_itself(
     step: StepFn,
     context: &Context,
     pixel: [u32; 2],
@@ -337,7 +364,7 @@ fn alone(
 }
 
 /// The same with the path's clock.
-fn timed_alone(
+fn by_itself_timed(
     step: TimedStepFn,
     context: &Context,
     pixel: [u32; 2],

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::clock::{self, Clock};
 use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
-use super::{SPECULAR, Tile, Waiting, each, set, stored};
+use super::{SPECULAR, Tile, Waiting, each, filled, set, stored};
 use crate::math::Frame;
 use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
@@ -273,7 +273,7 @@ fn step_avx2<const TIMED: bool>(
 ) {
     for group in paths.chunks(LANES) {
         // Lanes that have no path do again what the first has, for nothing.
-        let lanes: [usize; LANES] = std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }] as usize);
+        let lanes = each(filled(group), |path| path as usize);
         step_of_eight::<TIMED>(table, common, context, depth, lanes, group.len(), tile);
     }
 }

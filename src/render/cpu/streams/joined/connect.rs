@@ -7,7 +7,7 @@ use super::{Node, Own, Subpaths, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::render::cpu::streams::shade::{INSIDE, Vertices, shadow_ray, shadow_rays};
-use crate::render::cpu::streams::{Found, each, set, stored};
+use crate::render::cpu::streams::{Found, each, filled, set, stored};
 use crate::transport::bsdf::{BsdfValue, Mode, index_ratio};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
@@ -388,12 +388,6 @@ fn loaded<const TIMED: bool>(work: &Work<TIMED>, class: usize, nodes: [&Node; LA
     let (point, wo, throughput, side) = places(nodes);
     let rows = nodes.map(|node| &work.table.rows[node.material()]);
     Loaded { vertices: Vertices::new(point, wo, rows, &work.table.common(class), active), throughput, side }
-}
-
-/// So many of a group as there are lanes: those that have none have the first.
-#[inline(always)]
-pub(super) fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
-    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
 }
 
 /// The keys of the numbers of paths.
