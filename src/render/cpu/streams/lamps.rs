@@ -44,6 +44,8 @@ pub(super) struct Direct<R: Real, const N: usize> {
     pub density: R,
     /// Whether no other technique can find this light.
     pub delta: R::Mask,
+    /// Distance to it; says nothing where the light has no place.
+    pub distance: R,
     /// Position on the light.
     pub at: R::Vec3,
     /// Unit normal there.
@@ -105,10 +107,12 @@ impl Lamps {
         let Chosen { rows: [a, b], light, chance, alone } = self.choose(context, choice, wanted);
         let corners = [R::Vec3::new(a[0], a[1], a[2]), R::Vec3::new(a[3], a[4], a[5]), R::Vec3::new(a[6], a[7], b[0])];
         let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u, v]));
-        let (wi, _, density) = area::seen(from, at, normal, b[1]);
+        let (wi, distance, density) = area::seen(from, at, normal, b[1]);
         let radiance = R::Vec3::new(b[2], b[3], b[4]);
         let (delta, endless) = (R::Mask::of(false), R::Mask::of(false));
-        let mut direct = Direct { wi, radiance, density, delta, at, normal, endless, light, chance, area: b[1], alone };
+        let area = b[1];
+        let mut direct =
+            Direct { wi, radiance, density, delta, distance, at, normal, endless, light, chance, area, alone };
         if alone != 0 {
             let from = [from.x().store(), from.y().store(), from.z().store()];
             let [found, end] = singles(context, alone, light, from, [u.store(), v.store()]);
@@ -124,12 +128,13 @@ impl<R: Lanes<N>, const N: usize> Direct<R, N> {
     fn or(self, known: R::Mask, light: [R; 8], end: [R; 8]) -> Direct<R, N> {
         let zero = R::of(0.0);
         let [x, y, z, r, g, b, density, delta] = light;
-        let [px, py, pz, nx, ny, nz, endless, _] = end;
+        let [px, py, pz, nx, ny, nz, endless, distance] = end;
         Direct {
             wi: R::Vec3::select(known, self.wi, R::Vec3::new(x, y, z)),
             radiance: R::Vec3::select(known, self.radiance, R::Vec3::new(r, g, b)),
             density: R::select(known, self.density, density),
             delta: !known & delta.gt(zero),
+            distance: R::select(known, self.distance, distance),
             at: R::Vec3::select(known, self.at, R::Vec3::new(px, py, pz)),
             normal: R::Vec3::select(known, self.normal, R::Vec3::new(nx, ny, nz)),
             endless: !known & endless.gt(zero),
@@ -217,7 +222,8 @@ fn single_ends<const N: usize>(
 }
 
 /// Light from sampled points in the lanes whose bits are set, one by one: rows of direction, radiance, density without the
-/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, and whether it has no place.
+/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, whether it has no place, and
+/// the distance.
 fn singles<const N: usize>(
     context: &Context,
     lanes: u32,
@@ -232,7 +238,7 @@ fn singles<const N: usize>(
             let (w, c, p, n) = (s.wi, s.radiance, s.point.position, s.point.normal);
             let [delta, endless] = [s.delta, !s.distance.is_finite()].map(|yes| f32::from(u8::from(yes)));
             found[0][i] = Row([w.x, w.y, w.z, c.x, c.y, c.z, s.pdf_w, delta]);
-            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, 0.0]);
+            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, s.distance]);
         }
     }
     found

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::clock::{self, Clock};
 use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
 use super::{SPECULAR, Tile, Waiting};
@@ -14,12 +15,21 @@ use crate::transport::bsdf::clearcoat::Clearcoat;
 use crate::transport::bsdf::diffuse::Diffuse;
 use crate::transport::bsdf::disney::{Disney, Estimate, View};
 use crate::transport::bsdf::ggx::Ggx;
-use crate::transport::bsdf::{BsdfValue, Mode, adjoint};
+use crate::transport::bsdf::{BsdfValue, Local, Mode, adjoint, index_ratio, lambert};
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::Context;
 use crate::transport::ray::{Ray, offset_by_axis};
 use crate::transport::sampler::Independent;
 use crate::transport::surface::Point;
 use crate::transport::vertex::towards;
+
+/// A Lambert surface in rows.
+pub(super) fn rows_of_lambert(albedo: Vec3) -> [Row; 3] {
+    [Row([albedo.x, albedo.y, albedo.z, 0.0, 0.0, 0.0, 0.0, 0.0]), Row::default(), Row::default()]
+}
+
+/// Where the index of the inside stands in the first row of [`rows_of`].
+pub(super) const INSIDE: usize = 6;
 
 /// A BSDF in rows, for [`bsdfs`].
 pub(super) fn rows_of(d: &Disney) -> [Row; 3] {
@@ -44,7 +54,7 @@ fn bsdfs<R: Lanes<N>, const N: usize>(rows: [&[Row; 3]; N], common: &Common) -> 
         opaque: a[3],
         metallic: a[4],
         refractive: a[5],
-        ior: a[6],
+        ior: a[INSIDE],
         tinted_f0: common.tinted.then(|| R::Vec3::new(b[5], b[6], b[7])),
         diffuse: Diffuse { base_color, roughness: a[7], subsurface: b[1], sheen: R::Vec3::new(b[2], b[3], b[4]) },
         ggx: Ggx { alpha: [b[0]; 2] },
@@ -91,8 +101,11 @@ pub(super) struct Vertices<R: Real> {
     pub frame: Frame<R::Vec3>,
     /// Whether the shading normal is that of the real surface.
     flat: R::Mask,
-    pub bsdf: Disney<R::Vec3>,
-    pub view: View<R::Vec3>,
+    /// Of Lambert surfaces only the base colour says anything.
+    bsdf: Disney<R::Vec3>,
+    view: View<R::Vec3>,
+    /// Whether they are Lambert surfaces; else they are of the model `disney`.
+    lambert: bool,
     /// Unit direction to where the path came from.
     pub wo: R::Vec3,
     /// Its cosine with the shading normal.
@@ -117,9 +130,10 @@ impl<R: Real> Vertices<R> {
         let bsdf = bsdfs::<R, N>(rows, common);
         let frame = Frame::from_normal(point.n_shading);
         let local = frame.to_local(wo);
-        let view = bsdf.view(local);
+        let lambert = common.lambert;
+        let view = if lambert { View::none() } else { bsdf.view(local) };
         let flat = point.n_shading.same(point.n_geometric);
-        let vertices = Vertices { point, frame, flat, bsdf, view, wo, cos_o: local.z(), seen: active };
+        let vertices = Vertices { point, frame, flat, bsdf, view, lambert, wo, cos_o: local.z(), seen: active };
         Vertices { seen: active & vertices.agree(wo, local.z()), ..vertices }
     }
 
@@ -145,7 +159,13 @@ impl<R: Real> Vertices<R> {
         let n = self.point.n_shading;
         let cos_i = wi.dot(n);
         let same = (self.cos_o * cos_i).gt(zero);
-        let (mut f, [mut pdf_w, mut reverse]) = self.bsdf.evaluate_round::<REVERSE>(&self.view, self.wo, wi, n, cos_i);
+        let (mut f, [mut pdf_w, mut reverse]) = if self.lambert {
+            let (o, i) = (self.frame.to_local(self.wo), self.frame.to_local(wi));
+            let back = if REVERSE { lambert::pdf_w(i, o) } else { zero };
+            (lambert::eval(self.bsdf.base_color, o, i), [lambert::pdf_w(o, i), back])
+        } else {
+            self.bsdf.evaluate_round::<REVERSE>(&self.view, self.wo, wi, n, cos_i)
+        };
         let through = wanted & !same;
         if through.any() && self.bsdf.refractive.gt(zero).any() {
             let (other, [other_w, back]) = self.bsdf.evaluate::<REVERSE>(&self.view, self.frame.to_local(wi), mode);
@@ -164,6 +184,43 @@ impl<R: Real> Vertices<R> {
             pdf_w: R::select(lets, pdf_w, zero),
             reverse_pdf_w: R::select(lets, reverse, zero),
         }
+    }
+}
+
+impl<R: Real> Vertices<R> {
+    /// As `Disney::sample` and `Ideal::sample`; what is sampled may still be refused.
+    #[inline(always)]
+    pub fn sample<const REVERSE: bool>(&self, choice: R, v: [R; 2], mode: Mode) -> (R::Mask, Local<R::Vec3>, R) {
+        if !self.lambert {
+            return self.bsdf.sample::<REVERSE>(&self.view, choice, v, mode);
+        }
+        let o = self.frame.to_local(self.wo);
+        let (some, sample) = lambert::sample(self.bsdf.base_color, o, v);
+        let reverse = if REVERSE { lambert::pdf_w(sample.wi, o) } else { R::of(0.0) };
+        (some, Local { sample, pdf_w: lambert::pdf_w(o, sample.wi), delta: R::Mask::of(false) }, reverse)
+    }
+
+    /// As `Bsdf::index_ratio`, in the lanes where light can pass between `wo` and `wi`.
+    #[inline(always)]
+    pub fn index_ratio(&self, wi: R::Vec3) -> R {
+        if !self.bsdf.refractive.gt(R::of(0.0)).any() {
+            return R::of(1.0);
+        }
+        index_ratio([self.cos_o, wi.dot(self.point.n_shading)], self.bsdf.ior)
+    }
+
+    /// As [`of_direct`](crate::transport::flight::of_direct).
+    #[inline(always)]
+    pub fn of_direct<const N: usize>(&self, context: &Context, stamp: &Stamp<R>, direct: &Direct<R, N>) -> [f64; N]
+    where
+        R: Lanes<N>,
+    {
+        let mut distance = direct.distance;
+        if direct.endless.any() {
+            let lead = context.lights.lead(self.point.position, direct.wi);
+            distance = R::select(direct.endless, lead, distance);
+        }
+        R::store_doubles(stamp.onward(self.index_ratio(direct.wi), distance))
     }
 }
 
@@ -194,11 +251,18 @@ pub(super) fn shadow_ray(row: &Row) -> (Ray, f32) {
 }
 
 /// The step of paths that have met surfaces of one class; those that go on are named in `tile.next`.
-pub(super) fn step(table: &Table, common: Common, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
-    table.width.run(Step { table, common, context, depth, paths, tile });
+pub(super) fn step<const TIMED: bool>(
+    table: &Table,
+    common: Common,
+    context: &Context,
+    depth: u32,
+    paths: &[u32],
+    tile: &mut Tile,
+) {
+    table.width.run(Step::<TIMED> { table, common, context, depth, paths, tile });
 }
 
-struct Step<'a> {
+struct Step<'a, const TIMED: bool> {
     table: &'a Table,
     common: Common,
     context: &'a Context<'a>,
@@ -207,19 +271,19 @@ struct Step<'a> {
     tile: &'a mut Tile,
 }
 
-impl AnyWidth for Step<'_> {
+impl<const TIMED: bool> AnyWidth for Step<'_, TIMED> {
     type Out = ();
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
         for group in self.paths.chunks(N) {
-            step_of_lanes::<R, N>(self.table, self.common, self.context, self.depth, group, self.tile);
+            step_of_lanes::<R, N, TIMED>(self.table, self.common, self.context, self.depth, group, self.tile);
         }
     }
 }
 
 #[inline(always)]
-fn step_of_lanes<R: Lanes<N>, const N: usize>(
+fn step_of_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     table: &Table,
     common: Common,
     context: &Context,
@@ -241,18 +305,23 @@ fn step_of_lanes<R: Lanes<N>, const N: usize>(
     let active = R::Mask::first(group.len());
 
     let point = points::<R, N>(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
+    let mut stamp = clock::stamps::<R, N, TIMED>(&tile.clocks, lanes);
+    if TIMED && clock::counts(context, depth) {
+        let from = if depth == 1 { origin } else { R::Vec3::new(state[1], state[2], state[3]) };
+        stamp.travel(from, point.position);
+    }
     let rows = each(primitives, |p| &table.rows[table.row_of[p as usize] as usize]);
     let vertices = Vertices::<R>::new(point, -dir, rows, &common, active);
 
     if common.joined {
         let numbers = Independent::next_three(key, taken);
         taken = taken.add(R::Word::of(3));
-        connect(context, &table.lamps, &vertices, throughput, numbers, lanes, &mut tile.waiting);
+        connect::<R, N, TIMED>(context, &table.lamps, &vertices, (throughput, &stamp), numbers, lanes, tile);
     }
 
     let [choice, u, v] = Independent::next_three(key, taken);
     taken = taken.add(R::Word::of(3));
-    let (some, s, _) = vertices.bsdf.sample::<false>(&vertices.view, choice, [u, v], Mode::Radiance);
+    let (some, s, _) = vertices.sample::<false>(choice, [u, v], Mode::Radiance);
     let wi = vertices.frame.to_world(s.sample.wi);
     let mut on = vertices.seen & some & s.pdf_w.gt(zero) & vertices.agree(wi, s.sample.wi.z());
     let mut throughput = throughput * s.sample.weight;
@@ -272,6 +341,13 @@ fn step_of_lanes<R: Lanes<N>, const N: usize>(
     let way = [start.x(), start.y(), start.z(), wi.x(), wi.y(), wi.z(), throughput.x(), throughput.y()];
     let state = [throughput.z(), from.x(), from.y(), from.z(), last, eta_scale, taken.as_bits(), zero];
     let (way, state) = (R::stored(way), R::stored(state));
+    if TIMED {
+        stamp.leave(s.sample.eta);
+        let clocks = clock::clocks::<R, N>(&stamp);
+        for i in set(on.bits()) {
+            tile.clocks[lanes[i]] = Clock(clocks[i]);
+        }
+    }
     for i in set(on.bits()) {
         tile.records[lanes[i]].rows[0] = way[i];
         tile.records[lanes[i]].rows[1] = state[i];
@@ -281,14 +357,14 @@ fn step_of_lanes<R: Lanes<N>, const N: usize>(
 
 /// Joins each vertex to a sampled point of a light: as `nee` does, but that the shadow ray waits.
 #[inline(always)]
-fn connect<R: Lanes<N>, const N: usize>(
+fn connect<R: Lanes<N>, const N: usize, const TIMED: bool>(
     context: &Context,
     lamps: &Lamps,
     vertices: &Vertices<R>,
-    throughput: R::Vec3,
+    (throughput, stamp): (R::Vec3, &Stamp<R>),
     numbers: [R; 3],
     lanes: [usize; N],
-    waiting: &mut Vec<Waiting>,
+    tile: &mut Tile,
 ) {
     let zero = R::of(0.0);
     let Point { position: from, n_geometric, n_shading } = vertices.point;
@@ -308,9 +384,13 @@ fn connect<R: Lanes<N>, const N: usize>(
     let value = throughput * radiance * weight;
     let rays = shadow_rays::<R, N>([from, n_geometric], [direct.at, direct.normal], wi, direct.endless);
     let values = R::stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero]);
+    if TIMED {
+        let lengths = vertices.of_direct(context, stamp, &direct);
+        tile.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         let (ray, distance) = shadow_ray(&rays[i]);
         let [r, g, b, ..] = values[i].0;
-        waiting.push(Waiting { ray, distance, value: Vec3::new(r, g, b), path: lanes[i] as u32 });
+        tile.waiting.push(Waiting { ray, distance, value: Vec3::new(r, g, b), path: lanes[i] as u32 });
     }
 }

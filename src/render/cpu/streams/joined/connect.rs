@@ -3,21 +3,23 @@
 
 use glam::Vec3;
 
-use super::{Node, Subpaths, Work};
+use super::{Node, Own, Subpaths, Work};
 use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
-use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
-use crate::transport::bsdf::{BsdfValue, Mode};
+use crate::render::cpu::streams::Found;
+use crate::render::cpu::streams::shade::{INSIDE, Vertices, shadow_ray, shadow_rays};
+use crate::transport::bsdf::{BsdfValue, Mode, index_ratio};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::bdpt::weights::{Chain, Side, others_of_ends, others_of_lens, others_of_next_event};
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Independent;
 use crate::transport::surface::Point;
 use crate::transport::vertex::area_factor;
 
-/// Who is told of light for another pixel: the path that brings it, the pixel, and the light.
-pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3) + 'a;
+/// Who is told of light for another pixel: the path that brings it, the pixel, the light, and when it arrives.
+pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3, f64) + 'a;
 
 /// So many connections wait for their shadow rays until those are traced.
 const WAITING: usize = 64;
@@ -39,6 +41,8 @@ pub(super) enum To {
 pub(super) struct Waiting {
     rays: Vec<(Ray, f32)>,
     lights: Vec<(Vec3, To)>,
+    /// When they arrive, where there is a time axis.
+    pub lengths: Vec<f64>,
     hidden: Vec<bool>,
 }
 
@@ -84,11 +88,19 @@ struct Shot {
     taken: u32,
 }
 
+/// What is added to samples, in this order.
+#[derive(Default)]
+pub(super) struct Slots {
+    /// The path, and the light.
+    lights: Vec<(u32, Vec3)>,
+    /// When it arrives, where there is a time axis.
+    lengths: Vec<f64>,
+}
+
 /// All connections of a tile.
 #[derive(Default)]
 pub(super) struct Lists {
-    /// What is added to each sample, in this order: its path, and the light.
-    slots: Vec<(u32, Vec3)>,
+    slots: Slots,
     /// By the class of the camera vertex.
     events: Vec<Vec<Event>>,
     pairs: Vec<Vec<Pair>>,
@@ -106,33 +118,42 @@ impl Lists {
         self.shots.resize_with(classes, Vec::new);
     }
 
-    fn slot(&mut self, path: usize, value: Vec3) -> u32 {
-        self.slots.push((path as u32, value));
-        self.slots.len() as u32 - 1
+    fn slot<const TIMED: bool>(&mut self, path: usize, value: Vec3, length: f64) -> u32 {
+        self.slots.lights.push((path as u32, value));
+        if TIMED {
+            self.slots.lengths.push(length);
+        }
+        self.slots.lights.len() as u32 - 1
     }
 
     /// Lists everything that a sample brings to its own pixel, and returns how many of its numbers are then taken.
-    pub fn own(&mut self, work: &Work, path: usize, [light, camera]: [&Subpaths; 2], escaped: Vec3) -> u32 {
+    pub fn own<const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        path: usize,
+        [light, camera]: [&Subpaths; 2],
+        (escaped, length): (Vec3, f64),
+    ) -> u32 {
         let Work { table, context, .. } = *work;
         let (settings, max) = (context.settings, context.max_depth);
         let mut taken = light.walkers[path].taken();
         if escaped != Vec3::ZERO {
-            self.slot(path, escaped);
+            self.slot::<TIMED>(path, escaped, length);
         }
         for (z, t) in camera.path(path).zip(2..) {
             let node = &camera.nodes[z as usize];
             if node.found != Vec3::ZERO {
-                self.slot(path, node.found);
+                self.slot::<TIMED>(path, node.found, if TIMED { node.stamp().arrived() } else { 0.0 });
             }
             let Some(class) = node.class.map(usize::from).filter(|class| table.common(*class).joined) else { continue };
             if settings.wants(1, t) {
-                let slot = self.slot(path, Vec3::ZERO);
+                let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
                 self.events[class].push(Event { slot, path: path as u32, z, taken });
                 taken += 3;
             }
             for (y, s) in light.path(path).zip(2..).take_while(|(_, s)| s + t - 1 <= max) {
                 if settings.wants(s, t) && work.joins(&light.nodes[y as usize]).is_some() {
-                    let slot = self.slot(path, Vec3::ZERO);
+                    let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
                     self.pairs[class].push(Pair { slot, y, z });
                 }
             }
@@ -141,7 +162,7 @@ impl Lists {
     }
 
     /// Lists what the light subpath of a sample brings to whatever pixel, when so many of its numbers are taken.
-    pub fn lens(&mut self, work: &Work, path: usize, light: &Subpaths, mut taken: u32) {
+    pub fn lens<const TIMED: bool>(&mut self, work: &Work<TIMED>, path: usize, light: &Subpaths, mut taken: u32) {
         for (y, s) in light.path(path).zip(2..) {
             if work.context.settings.wants(s, 1)
                 && let Some(class) = work.joins(&light.nodes[y as usize])
@@ -154,21 +175,31 @@ impl Lists {
 
     /// Whether it is time to make what is listed: deep paths have many connections.
     pub fn are_full(&self) -> bool {
-        self.slots.len() >= LISTED
+        self.slots.lights.len() >= LISTED
     }
 
     /// Makes all connections that are listed, and adds what each brings to its own pixel to the value of its sample.
-    pub fn make(&mut self, work: &Work, light: &Subpaths, camera: &Subpaths, values: &mut [Vec3], splat: &mut Splat) {
+    pub fn make<const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        [light, camera]: [&Subpaths; 2],
+        own: &mut Own,
+        splat: &mut Splat,
+    ) {
         work.table.width.run(Make { lists: self, work, light, camera, splat });
-        for (path, value) in self.slots.drain(..) {
-            values[path as usize] += value;
+        for (i, (path, value)) in self.slots.lights.drain(..).enumerate() {
+            own.values[path as usize] += value;
+            if TIMED && value != Vec3::ZERO {
+                own.found.push(Found { path, value, length: self.slots.lengths[i] });
+            }
         }
+        self.slots.lengths.clear();
     }
 
     #[inline(always)]
-    fn make_lanes<R: Lanes<N>, const N: usize>(
+    fn make_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
         &mut self,
-        work: &Work,
+        work: &Work<TIMED>,
         light: &Subpaths,
         camera: &Subpaths,
         splat: &mut Splat,
@@ -176,18 +207,18 @@ impl Lists {
         let Lists { slots, events, pairs, halves, shots, waiting } = self;
         for class in 0..events.len() {
             for group in events[class].chunks(N) {
-                next_events::<R, N>(work, class, group, camera, waiting);
+                next_events::<R, N, TIMED>(work, class, group, camera, waiting);
                 if waiting.lights.len() >= WAITING {
                     work.resolve(waiting, slots, splat);
                 }
             }
             events[class].clear();
             for group in pairs[class].chunks(N) {
-                halfway::<R, N>(work, class, group, [light, camera], halves);
+                halfway::<R, N, TIMED>(work, class, group, [light, camera], halves);
             }
             pairs[class].clear();
             for group in shots[class].chunks(N) {
-                lens_shots::<R, N>(work, class, group, light, waiting);
+                lens_shots::<R, N, TIMED>(work, class, group, light, waiting);
                 if waiting.lights.len() >= WAITING {
                     work.resolve(waiting, slots, splat);
                 }
@@ -196,7 +227,7 @@ impl Lists {
         }
         for (class, list) in halves.iter_mut().enumerate() {
             for group in list.chunks(N) {
-                ends::<R, N>(work, class, group, [light, camera], waiting);
+                ends::<R, N, TIMED>(work, class, group, [light, camera], waiting);
                 if waiting.lights.len() >= WAITING {
                     work.resolve(waiting, slots, splat);
                 }
@@ -208,32 +239,32 @@ impl Lists {
 }
 
 /// The work of [`Lists::make`].
-struct Make<'a, 'b> {
+struct Make<'a, 'b, const TIMED: bool> {
     lists: &'a mut Lists,
-    work: &'a Work<'a>,
+    work: &'a Work<'a, TIMED>,
     light: &'a Subpaths,
     camera: &'a Subpaths,
     splat: &'a mut Splat<'b>,
 }
 
-impl AnyWidth for Make<'_, '_> {
+impl<const TIMED: bool> AnyWidth for Make<'_, '_, TIMED> {
     type Out = ();
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
-        self.lists.make_lanes::<R, N>(self.work, self.light, self.camera, self.splat);
+        self.lists.make_lanes::<R, N, TIMED>(self.work, self.light, self.camera, self.splat);
     }
 }
 
-impl Work<'_> {
+impl<const TIMED: bool> Work<'_, TIMED> {
     /// The class of a vertex, if anything can be joined to it.
     fn joins(&self, node: &Node) -> Option<usize> {
         node.class.map(usize::from).filter(|class| self.table.common(*class).joined)
     }
 
     /// Traces the rays that wait, and hands on what is not hidden.
-    pub(super) fn resolve(&self, waiting: &mut Waiting, slots: &mut [(u32, Vec3)], splat: &mut Splat) {
-        let Waiting { rays, lights, hidden } = waiting;
+    pub(super) fn resolve(&self, waiting: &mut Waiting, slots: &mut Slots, splat: &mut Splat) {
+        let Waiting { rays, lights, lengths, hidden } = waiting;
         hidden.clear();
         // Points that coincide are not hidden from each other.
         if rays.iter().any(|(_, distance)| *distance <= 0.0) {
@@ -242,12 +273,19 @@ impl Work<'_> {
             self.context.trace.occluded_each(rays, hidden);
         }
         rays.clear();
-        for ((value, to), _) in lights.drain(..).zip(&*hidden).filter(|(_, hidden)| !**hidden) {
+        for (i, ((value, to), _)) in lights.drain(..).zip(&*hidden).enumerate().filter(|(_, (_, hidden))| !**hidden) {
+            let length = if TIMED { lengths[i] } else { 0.0 };
             match to {
-                To::Slot(slot) => slots[slot as usize].1 = value,
-                To::Pixel(path, pixel) => splat(path, pixel, value),
+                To::Slot(slot) => {
+                    slots.lights[slot as usize].1 = value;
+                    if TIMED {
+                        slots.lengths[slot as usize] = length;
+                    }
+                }
+                To::Pixel(path, pixel) => splat(path, pixel, value, length),
             }
         }
+        lengths.clear();
     }
 
     /// What is left of light when all strategies that find it have their share, in the lanes where it is of any use.
@@ -277,7 +315,16 @@ pub(super) struct OnFilm<R: Real, const N: usize> {
     pub importance: R,
 }
 
-impl Work<'_> {
+impl<const TIMED: bool> Work<'_, TIMED> {
+    /// When light of these paths arrives that only has to go so far to the lens.
+    #[inline(always)]
+    pub(super) fn lens_lengths<R: Lanes<N>, const N: usize>(&self, of: [u32; N], distance: R) -> R::Double {
+        let emitted = R::load(&each(of, |path| self.emitted[path as usize]));
+        let timing = self.context.timing.filter(|timing| timing.camera);
+        let last = timing.map_or(R::of(0.0), |timing| R::of(timing.medium) * distance);
+        emitted.double() + last.double()
+    }
+
     /// The numbers with which these paths choose points of the lens and pixels, when so many are taken; zeros where neither
     /// has a use for them.
     #[inline(always)]
@@ -358,10 +405,22 @@ fn places<R: Lanes<N>, const N: usize>(nodes: [&Node; N]) -> (Point<R::Vec3>, R:
     (point, R::Vec3::new(b[3], b[4], b[5]), R::Vec3::new(b[6], b[7], last), Side { chain, back: a[6] })
 }
 
+/// When paths are at these vertices.
 #[inline(always)]
-fn loaded<R: Lanes<N>, const N: usize>(work: &Work, class: usize, nodes: [&Node; N], active: R::Mask) -> Loaded<R> {
+fn stamps<R: Lanes<N>, const N: usize>(nodes: [&Node; N]) -> Stamp<R> {
+    let [_, path, late, index, ..] = R::transposed(each(nodes, |node| &node.rows[2]));
+    Stamp { path, late, delay: R::of(0.0), index }
+}
+
+#[inline(always)]
+fn loaded<R: Lanes<N>, const N: usize, const TIMED: bool>(
+    work: &Work<TIMED>,
+    class: usize,
+    nodes: [&Node; N],
+    active: R::Mask,
+) -> Loaded<R> {
     let (point, wo, throughput, side) = places::<R, N>(nodes);
-    let rows = each(nodes, |node| &work.table.rows[node.rows[0].0[7].to_bits() as usize]);
+    let rows = each(nodes, |node| &work.table.rows[node.material()]);
     Loaded { vertices: Vertices::<R>::new(point, wo, rows, &work.table.common(class), active), throughput, side }
 }
 
@@ -379,8 +438,8 @@ pub(super) fn words<R: Lanes<N>, const N: usize>(of: [u32; N]) -> R::Word {
 
 /// `s = 1`, `t >= 2`.
 #[inline(always)]
-fn next_events<R: Lanes<N>, const N: usize>(
-    work: &Work,
+fn next_events<R: Lanes<N>, const N: usize, const TIMED: bool>(
+    work: &Work<TIMED>,
     class: usize,
     group: &[Event],
     camera: &Subpaths,
@@ -393,7 +452,8 @@ fn next_events<R: Lanes<N>, const N: usize>(
         keys::<R, N>(camera, each(events, |e| e.path)),
         words::<R, N>(each(events, |e| e.taken)),
     );
-    let z = loaded::<R, N>(work, class, each(events, |e| &camera.nodes[e.z as usize]), active);
+    let nodes = each(events, |e| &camera.nodes[e.z as usize]);
+    let z = loaded::<R, N, TIMED>(work, class, nodes, active);
     let Point { position, n_geometric, n_shading } = z.vertices.point;
     let d = work.table.lamps.direct::<R, N>(work.context, position, numbers, z.vertices.seen);
     let arrives = z.vertices.seen & d.density.gt(zero);
@@ -413,6 +473,10 @@ fn next_events<R: Lanes<N>, const N: usize>(
     let usable = end.direct.gt(R::Double::of(0.0));
     let values = work.shared::<R, N>(unweighted, others, usable);
     let rays = shadow_rays::<R, N>(from, [d.at, d.normal], d.wi, d.endless);
+    if TIMED {
+        let lengths = z.vertices.of_direct(work.context, &stamps::<R, N>(nodes), &d);
+        waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Slot(events[i].slot));
     }
@@ -420,15 +484,16 @@ fn next_events<R: Lanes<N>, const N: usize>(
 
 /// What camera vertices make of the directions to light vertices; pairs without any are dropped.
 #[inline(always)]
-fn halfway<R: Lanes<N>, const N: usize>(
-    work: &Work,
+fn halfway<R: Lanes<N>, const N: usize, const TIMED: bool>(
+    work: &Work<TIMED>,
     class: usize,
     group: &[Pair],
     [light, camera]: [&Subpaths; 2],
     halves: &mut [Vec<Half>],
 ) {
     let pairs: [Pair; N] = filled(group);
-    let z = loaded::<R, N>(work, class, each(pairs, |p| &camera.nodes[p.z as usize]), R::Mask::first(group.len()));
+    let z =
+        loaded::<R, N, TIMED>(work, class, each(pairs, |p| &camera.nodes[p.z as usize]), R::Mask::first(group.len()));
     let [x, y, c, ..] = R::transposed(each(pairs, |p| &light.nodes[p.y as usize].rows[0]));
     let edge = R::Vec3::new(x, y, c) - z.vertices.point.position;
     let wi = edge / edge.length_squared().sqrt();
@@ -446,8 +511,8 @@ fn halfway<R: Lanes<N>, const N: usize>(
 
 /// `s >= 2`, `t >= 2`.
 #[inline(always)]
-fn ends<R: Lanes<N>, const N: usize>(
-    work: &Work,
+fn ends<R: Lanes<N>, const N: usize, const TIMED: bool>(
+    work: &Work<TIMED>,
     class: usize,
     group: &[Half],
     [light, camera]: [&Subpaths; 2],
@@ -455,8 +520,10 @@ fn ends<R: Lanes<N>, const N: usize>(
 ) {
     let halves: [Half; N] = filled(group);
     let active = R::Mask::first(group.len());
-    let y = loaded::<R, N>(work, class, each(halves, |h| &light.nodes[h.pair.y as usize]), active);
-    let (z, _, z_throughput, z_side) = places::<R, N>(each(halves, |h| &camera.nodes[h.pair.z as usize]));
+    let (y_nodes, z_nodes) =
+        (each(halves, |h| &light.nodes[h.pair.y as usize]), each(halves, |h| &camera.nodes[h.pair.z as usize]));
+    let y = loaded::<R, N, TIMED>(work, class, y_nodes, active);
+    let (z, z_wo, z_throughput, z_side) = places::<R, N>(z_nodes);
     let known = each(halves, |h| {
         let [r, g, b, w, back] = h.at_z;
         Row([r, g, b, w, back, 0.0, 0.0, 0.0])
@@ -478,6 +545,15 @@ fn ends<R: Lanes<N>, const N: usize>(
     let others = others_of_ends(work.h, [&y.side, &z_side], [&at_y, &at_z], to);
     let values = work.shared::<R, N>(unweighted, others, lit);
     let rays = shadow_rays::<R, N>([z.position, z.n_geometric], [at.position, at.n_geometric], wi, R::Mask::of(false));
+    if TIMED {
+        let inside = each(z_nodes, |node| work.table.rows[node.material()][0].0[INSIDE]);
+        let ratio = index_ratio([z_wo.dot(z.n_shading), wi.dot(z.n_shading)], R::load(&inside));
+        let z = stamps::<R, N>(z_nodes);
+        let near = z.onward(ratio, distance2.sqrt());
+        let far = stamps::<R, N>(y_nodes).of_light(y.vertices.index_ratio(-wi), z.index * ratio);
+        let lengths = R::store_doubles(near + far);
+        waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Slot(halves[i].pair.slot));
     }
@@ -485,8 +561,8 @@ fn ends<R: Lanes<N>, const N: usize>(
 
 /// `s >= 2`, `t = 1`.
 #[inline(always)]
-fn lens_shots<R: Lanes<N>, const N: usize>(
-    work: &Work,
+fn lens_shots<R: Lanes<N>, const N: usize, const TIMED: bool>(
+    work: &Work<TIMED>,
     class: usize,
     group: &[Shot],
     light: &Subpaths,
@@ -494,7 +570,8 @@ fn lens_shots<R: Lanes<N>, const N: usize>(
 ) {
     let shots: [Shot; N] = filled(group);
     let active = R::Mask::first(group.len());
-    let y = loaded::<R, N>(work, class, each(shots, |s| &light.nodes[s.y as usize]), active);
+    let nodes = each(shots, |s| &light.nodes[s.y as usize]);
+    let y = loaded::<R, N, TIMED>(work, class, nodes, active);
     let Point { position, n_geometric, n_shading } = y.vertices.point;
     let numbers = work.lens_numbers::<R, N>(light, each(shots, |s| s.path), each(shots, |s| s.taken));
     let OnFilm { at, pixels, inside, importance } = work.onto_film::<R, N>(position, numbers, y.vertices.seen);
@@ -512,6 +589,12 @@ fn lens_shots<R: Lanes<N>, const N: usize>(
     let values = work.shared::<R, N>(unweighted, others, lit);
     let nowhere = R::Vec3::of(Vec3::ZERO);
     let rays = shadow_rays::<R, N>([position, n_geometric], [at.lens, nowhere], at.dir, R::Mask::of(false));
+    if TIMED {
+        let medium = R::of(work.context.timing.map_or(1.0, |t| t.medium));
+        let before = stamps::<R, N>(nodes).of_light(y.vertices.index_ratio(-at.dir), medium);
+        let lengths = R::store_doubles(work.lens_lengths::<R, N>(each(shots, |s| s.path), at.distance) + before);
+        waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    }
     for i in set(lit.bits()) {
         waiting.push(&rays[i], &values[i], To::Pixel(shots[i].path, pixels[i]));
     }

@@ -48,7 +48,7 @@ pub(super) struct Starts {
 
 impl Starts {
     /// Starts the light subpaths of samples whose camera subpaths have ended; those that have an edge are then active.
-    pub fn begin(&mut self, work: &Work, camera: &Subpaths, light: &mut Subpaths) {
+    pub fn begin<const TIMED: bool>(&mut self, work: &Work<TIMED>, camera: &Subpaths, light: &mut Subpaths) {
         self.sights.clear();
         self.of.clear();
         self.of.resize(camera.walkers.len(), Start::None);
@@ -64,9 +64,9 @@ impl Starts {
     }
 
     #[inline(always)]
-    fn begin_lanes<R: Lanes<N>, const N: usize>(
+    fn begin_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
         &mut self,
-        work: &Work,
+        work: &Work<TIMED>,
         paths: [u32; N],
         active: R::Mask,
         light: &mut Subpaths,
@@ -126,14 +126,21 @@ impl Starts {
     }
 
     /// Joins all starts that are listed to the lens; what lanes know then waits.
-    pub fn see(&self, work: &Work, light: &Subpaths, waiting: &mut Waiting, splat: &mut Splat) {
+    pub fn see<const TIMED: bool>(
+        &self,
+        work: &Work<TIMED>,
+        light: &Subpaths,
+        waiting: &mut Waiting,
+        splat: &mut Splat,
+    ) {
         let (plain, others): (Vec<Sight>, Vec<Sight>) =
             self.sights.iter().partition(|s| matches!(self.of[s.path as usize], Start::Plain(_)));
         for Sight { path, taken } in others {
             if let Start::Single(start) = &self.of[path as usize] {
                 let mut sampler = Sampler::Independent(light.walkers[path as usize].numbers(taken));
-                if let Some((found, at)) = seen(work.context, work.h, start, 0.0, &mut sampler) {
-                    splat(path, at.pixel, work.weighted(Some(found)));
+                let emitted = if TIMED { work.emitted[path as usize] } else { 0.0 };
+                if let Some((found, at)) = seen(work.context, work.h, start, emitted, &mut sampler) {
+                    splat(path, at.pixel, work.weighted(Some(found)), found.length);
                 }
             }
         }
@@ -142,9 +149,9 @@ impl Starts {
 
     /// `s = 1`, `t = 1`.
     #[inline(always)]
-    fn see_lanes<R: Lanes<N>, const N: usize>(
+    fn see_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
         &self,
-        work: &Work,
+        work: &Work<TIMED>,
         sights: [Sight; N],
         active: R::Mask,
         light: &Subpaths,
@@ -172,6 +179,10 @@ impl Starts {
         let lit = seen.inside & cos.gt(zero) & !unweighted.same(nowhere);
         let values = work.shared::<R, N>(unweighted, others_of_seen(work.h, &end, seen.at.pdf_w), lit);
         let rays = shadow_rays::<R, N>([at, normal], [lens, nowhere], dir, R::Mask::of(false));
+        if TIMED {
+            let lengths = R::store_doubles(work.lens_lengths::<R, N>(each(sights, |s| s.path), seen.at.distance));
+            waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+        }
         for i in set(lit.bits()) {
             waiting.push(&rays[i], &values[i], To::Pixel(sights[i].path, seen.pixels[i]));
         }
@@ -179,13 +190,13 @@ impl Starts {
 }
 
 /// The work of [`Starts::begin`].
-struct Begin<'a> {
+struct Begin<'a, const TIMED: bool> {
     starts: &'a mut Starts,
-    work: &'a Work<'a>,
+    work: &'a Work<'a, TIMED>,
     light: &'a mut Subpaths,
 }
 
-impl AnyWidth for Begin<'_> {
+impl<const TIMED: bool> AnyWidth for Begin<'_, TIMED> {
     type Out = ();
 
     #[inline(always)]
@@ -193,28 +204,28 @@ impl AnyWidth for Begin<'_> {
         let paths: Vec<u32> = (0..self.starts.of.len() as u32).collect();
         for group in paths.chunks(N) {
             let active = R::Mask::first(group.len());
-            self.starts.begin_lanes::<R, N>(self.work, filled(group), active, self.light);
+            self.starts.begin_lanes::<R, N, TIMED>(self.work, filled(group), active, self.light);
         }
     }
 }
 
 /// The work of [`Starts::see`].
-struct See<'a> {
+struct See<'a, const TIMED: bool> {
     starts: &'a Starts,
-    work: &'a Work<'a>,
+    work: &'a Work<'a, TIMED>,
     sights: &'a [Sight],
     light: &'a Subpaths,
     waiting: &'a mut Waiting,
 }
 
-impl AnyWidth for See<'_> {
+impl<const TIMED: bool> AnyWidth for See<'_, TIMED> {
     type Out = ();
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
         for group in self.sights.chunks(N) {
             let active = R::Mask::first(group.len());
-            self.starts.see_lanes::<R, N>(self.work, filled(group), active, self.light, self.waiting);
+            self.starts.see_lanes::<R, N, TIMED>(self.work, filled(group), active, self.light, self.waiting);
         }
     }
 }
@@ -228,7 +239,7 @@ impl Walker {
 }
 
 /// The start of a light subpath on any light, from these numbers; the walker then leaves it.
-fn single(work: &Work, walker: &mut Walker, numbers: Independent) -> Option<EmissionSample> {
+fn single<const TIMED: bool>(work: &Work<TIMED>, walker: &mut Walker, numbers: Independent) -> Option<EmissionSample> {
     let mut sampler = Sampler::Independent(numbers);
     let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
     let start = work.context.lights.sample_emission(work.context.scene, choice, u, v)?;

@@ -4,8 +4,9 @@ use glam::Vec3;
 
 use super::start::Start;
 use super::{Node, Subpaths, Walker, Work};
-use crate::math::lanes::{AnyWidth, Lanes, each, filled, set};
+use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
 use crate::math::real::{Mask, Vector, Word};
+use crate::render::cpu::streams::clock::{self, Clock};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
 use crate::transport::MAX_SURVIVAL;
@@ -17,12 +18,12 @@ use crate::transport::vertex::{area_factors, towards};
 
 /// Follows the active subpaths of the light's side or of the camera's until they end, over so many edges at most. Light from
 /// outside that camera paths find goes to `escaped`.
-pub(super) fn all<const LIGHT: bool>(
-    work: &Work,
+pub(super) fn all<const LIGHT: bool, const TIMED: bool>(
+    work: &Work<TIMED>,
     paths: &mut Subpaths,
     max_edges: u32,
     starts: &[Start],
-    escaped: &mut [Vec3],
+    escaped: &mut [(Vec3, f64)],
 ) {
     let mut active = std::mem::take(&mut paths.active);
     let (mut rays, mut hits) = (Vec::new(), Vec::new());
@@ -35,26 +36,35 @@ pub(super) fn all<const LIGHT: bool>(
         hits.clear();
         work.context.trace.closest_each(&rays, &mut hits);
         for (path, hit) in active.drain(..).zip(&hits) {
-            let walker = &mut paths.walkers[path as usize];
             let Some(hit) = hit else {
                 if !LIGHT {
-                    escaped[path as usize] = work.escaped(walker, edge + 1);
+                    escaped[path as usize] = work.escaped(paths, path as usize, edge);
                 }
                 continue;
             };
-            let found = if LIGHT { Vec3::ZERO } else { work.met(walker, hit, edge + 1) };
+            let walker = &mut paths.walkers[path as usize];
+            let met = if LIGHT { None } else { work.met(walker, hit, edge) };
+            let found = met.map_or(Vec3::ZERO, |(found, _)| found);
             match work.table.class(hit.primitive).filter(|_| !last) {
                 Some(class) => {
                     walker.meet(hit, found);
                     lists[class].push(path);
                 }
-                None if found != Vec3::ZERO => paths.push(path as usize, Node { found, ..Node::default() }),
+                None if found != Vec3::ZERO => {
+                    let mut node = Node { found, ..Node::default() };
+                    if let (true, Some((_, at))) = (TIMED, met) {
+                        let mut flight = work.flight(walker, &paths.clocks[path as usize], edge);
+                        flight.travel(at);
+                        node.set_stamp(&Clock::new(&flight.stamp()).0);
+                    }
+                    paths.push(path as usize, node);
+                }
                 None => {}
             }
         }
         for (class, list) in lists.iter_mut().enumerate() {
             let step = Step { work, class, edge, goes_on: edge < max_edges, starts };
-            work.table.width.run(Steps::<LIGHT> { step, list, paths });
+            work.table.width.run(Steps::<LIGHT, TIMED> { step, list, paths });
             list.clear();
         }
         std::mem::swap(&mut active, &mut paths.active);
@@ -63,8 +73,8 @@ pub(super) fn all<const LIGHT: bool>(
 }
 
 /// A step of paths that have met surfaces of one class.
-struct Step<'a> {
-    work: &'a Work<'a>,
+struct Step<'a, const TIMED: bool> {
+    work: &'a Work<'a, TIMED>,
     class: usize,
     /// The edge on which they came.
     edge: u32,
@@ -74,13 +84,13 @@ struct Step<'a> {
 }
 
 /// The same step of all paths that are listed.
-struct Steps<'a, const LIGHT: bool> {
-    step: Step<'a>,
+struct Steps<'a, const LIGHT: bool, const TIMED: bool> {
+    step: Step<'a, TIMED>,
     list: &'a [u32],
     paths: &'a mut Subpaths,
 }
 
-impl<const LIGHT: bool> AnyWidth for Steps<'_, LIGHT> {
+impl<const LIGHT: bool, const TIMED: bool> AnyWidth for Steps<'_, LIGHT, TIMED> {
     type Out = ();
 
     #[inline(always)]
@@ -92,7 +102,7 @@ impl<const LIGHT: bool> AnyWidth for Steps<'_, LIGHT> {
     }
 }
 
-impl Step<'_> {
+impl<const TIMED: bool> Step<'_, TIMED> {
     #[inline(always)]
     fn lanes<R: Lanes<N>, const N: usize, const LIGHT: bool>(
         &self,
@@ -123,6 +133,10 @@ impl Step<'_> {
         let before = [R::Vec3::new(left[1], left[2], left[3]), R::Vec3::new(left[4], left[5], left[6])];
 
         let point = points::<R, N>(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
+        let mut stamp = clock::stamps::<R, N, TIMED>(&paths.clocks, lanes);
+        if TIMED && (LIGHT || clock::counts(context, edge)) {
+            stamp.travel(before[0], point.position);
+        }
         let here = [point.position, point.n_geometric];
         let wo = -dir;
         let (some, chain, back) = if LIGHT && edge == 1 {
@@ -152,13 +166,18 @@ impl Step<'_> {
         let second = R::stored([ns.x(), ns.y(), ns.z(), wo.x(), wo.y(), wo.z(), t.x(), t.y()]);
         let (last, joint, tail) = (t.z().store(), R::store_doubles(chain.joint), R::store_doubles(chain.tail));
         let made = (active & some).bits();
+        let clocks = if TIMED { clock::clocks::<R, N>(&stamp) } else { [Row::default(); N] };
         for i in set(made) {
             let mut rows = [first[i], second[i], Default::default()];
             rows[0].0[7] = f32::from_bits(materials[i]);
             rows[2].0[0] = last[i];
             let found = Vec3::from_slice(&paths.walkers[lanes[i]].rows[3].0[5..]);
             let class = Some(self.class as u8);
-            paths.push(lanes[i], Node { rows, chain: [joint[i], tail[i]], class, found, next: 0 });
+            let mut node = Node { rows, chain: [joint[i], tail[i]], class, found, next: 0 };
+            if TIMED {
+                node.set_stamp(&clocks[i]);
+            }
+            paths.push(lanes[i], node);
         }
         if !self.goes_on || made == 0 {
             return;
@@ -168,7 +187,7 @@ impl Step<'_> {
         let mut taken = rest[2].bits();
         let [choice, u, v] = Independent::next_three(key, taken);
         taken = taken.add(R::Word::of(3));
-        let (some, s, reverse) = vertices.bsdf.sample::<true>(&vertices.view, choice, [u, v], mode);
+        let (some, s, reverse) = vertices.sample::<true>(choice, [u, v], mode);
         let wi = vertices.frame.to_world(s.sample.wi);
         let cos_i = s.sample.wi.z();
         let mut on = vertices.seen & some & s.pdf_w.gt(zero) & vertices.agree(wi, cos_i);
@@ -202,6 +221,13 @@ impl Step<'_> {
         let (y, z) = (promise.y().store(), promise.z().store());
         let taken = taken.as_bits().store();
         let (pdf_w, joint, tail) = (R::store_doubles(pdf_w), R::store_doubles(link.joint), R::store_doubles(link.tail));
+        if TIMED {
+            stamp.leave(eta);
+            let clocks = clock::clocks::<R, N>(&stamp);
+            for i in set(on.bits()) {
+                paths.clocks[lanes[i]] = Clock(clocks[i]);
+            }
+        }
         for i in set(made) {
             paths.walkers[lanes[i]].rows[3].0[2] = taken[i];
         }
