@@ -323,7 +323,8 @@ fn unless_told_all_techniques_go_in_lanes_or_none_does() {
         ("known", room(DISNEY).build(), true),
         ("lamps that reflect", room(shining).build(), true),
         ("brushed", room(Material { anisotropic: 0.8, roughness: 0.4, ..DISNEY }).build(), false),
-        ("ideal beside known", room(grey(0.5)).build(), false),
+        ("diffuse, of the other model", room(grey(0.5)).build(), true),
+        ("ideal beside known", room(Material { metallic: 1.0, ..WHITE }).build(), false),
     ];
     for (name, scene, expected) in scenes {
         let job = Job { accel, ..plain([4, 4], 3) };
