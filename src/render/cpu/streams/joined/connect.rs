@@ -195,16 +195,24 @@ impl Lists {
         }
         self.slots.lengths.clear();
     }
+}
+
+/// The work of [`Lists::make`].
+struct Make<'a, 'b, const TIMED: bool> {
+    lists: &'a mut Lists,
+    work: &'a Work<'a, TIMED>,
+    light: &'a Subpaths,
+    camera: &'a Subpaths,
+    splat: &'a mut Splat<'b>,
+}
+
+impl<const TIMED: bool> AnyWidth for Make<'_, '_, TIMED> {
+    type Out = ();
 
     #[inline(always)]
-    fn make_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
-        &mut self,
-        work: &Work<TIMED>,
-        light: &Subpaths,
-        camera: &Subpaths,
-        splat: &mut Splat,
-    ) {
-        let Lists { slots, events, pairs, halves, shots, waiting } = self;
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let Make { lists, work, light, camera, splat } = self;
+        let Lists { slots, events, pairs, halves, shots, waiting } = lists;
         for class in 0..events.len() {
             for group in events[class].chunks(N) {
                 next_events::<R, N, TIMED>(work, class, group, camera, waiting);
@@ -235,24 +243,6 @@ impl Lists {
             list.clear();
         }
         work.resolve(waiting, slots, splat);
-    }
-}
-
-/// The work of [`Lists::make`].
-struct Make<'a, 'b, const TIMED: bool> {
-    lists: &'a mut Lists,
-    work: &'a Work<'a, TIMED>,
-    light: &'a Subpaths,
-    camera: &'a Subpaths,
-    splat: &'a mut Splat<'b>,
-}
-
-impl<const TIMED: bool> AnyWidth for Make<'_, '_, TIMED> {
-    type Out = ();
-
-    #[inline(always)]
-    fn run<R: Lanes<N>, const N: usize>(self) {
-        self.lists.make_lanes::<R, N, TIMED>(self.work, self.light, self.camera, self.splat);
     }
 }
 
