@@ -51,15 +51,16 @@ Length stamp_arrived(Stamp s) {
     return Length(s.path) + Length(s.late);
 }
 
-// When light leaves that this vertex gives back, and goes on over `distance` towards `wi`.
-Length stamp_onward(Stamp s, Bsdf b, vec3 wo, vec3 wi, float distance) {
-    return stamp_arrived(s) + Length(s.delay) + Length(s.index * bsdf_index_ratio(b, wo, wi) * distance);
+// When light leaves that this vertex gives back, and goes on over `distance` through a medium whose index has this ratio to
+// that through which the path came.
+Length stamp_onward(Stamp s, float ratio, float distance) {
+    return stamp_arrived(s) + Length(s.delay) + Length(s.index * ratio * distance);
 }
 
-// What of this vertex of a light path counts in a path that leaves it towards `wi` through a medium of index `index`, as the
-// camera's side knows it.
-Length stamp_of_light(Stamp s, Bsdf b, vec3 wo, vec3 wi, float index) {
-    float own = s.index * bsdf_index_ratio(b, wo, wi);
+// What of this vertex of a light path counts in a path that leaves it through a medium of this ratio, whose index is `index`
+// as the camera's side knows it.
+Length stamp_of_light(Stamp s, float ratio, float index) {
+    float own = s.index * ratio;
     return Length(s.path * (index / own)) + Length(s.late) + Length(s.delay);
 }
 
@@ -140,7 +141,7 @@ Length flight_escaped(Flight f, vec3 dir) {
 // to the wave front where it touches the ball around all surfaces. Zero without a time axis.
 Length flight_of_direct(Stamp stamp, Bsdf b, vec3 wo, vec3 from, vec3 wi, float distance) {
 #ifdef TIMES
-    return stamp_onward(stamp, b, wo, wi, is_finite(distance) ? distance : lights_lead(from, wi));
+    return stamp_onward(stamp, bsdf_index_ratio(b, wo, wi), is_finite(distance) ? distance : lights_lead(from, wi));
 #else
     return Length(0.0);
 #endif

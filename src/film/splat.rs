@@ -165,8 +165,9 @@ impl SplatSums {
         let mut stripe = self.stripe(stripe);
         if stripe.capacity() < STRIPE {
             // Memory that was only asked for comes when it is written to.
+            let landed = stripe.len();
             stripe.resize(STRIPE, Wide { sum: [1; 3], square: [1; 3] });
-            stripe.clear();
+            stripe.truncate(landed);
         }
     }
 
@@ -383,6 +384,20 @@ mod tests {
         assert!((sum - 2.500_000_007_001).abs() < 1e-12, "{sum}");
         assert_eq!((sum, zero), (-negative, 0.0));
         assert_eq!(forwards.sum(0), [0.0; 3]);
+    }
+
+    #[test]
+    fn memory_that_is_had_beforehand_changes_no_sum() {
+        // The last stripe is shorter than the others.
+        let splats = SplatSums::new(STRIPE + 3);
+        for pixel in [0, STRIPE - 1, STRIPE, STRIPE + 2] {
+            assert!(splats.add(pixel, [pixel as f32 + 1.0; 3]));
+        }
+        (0..splats.stripes()).for_each(|stripe| splats.reserve(stripe));
+        for pixel in [0, STRIPE - 1, STRIPE, STRIPE + 2] {
+            assert_eq!(splats.sum(pixel), [pixel as f64 + 1.0; 3]);
+        }
+        assert_eq!((splats.sum(1), splats.sum(STRIPE + 1)), ([0.0; 3], [0.0; 3]));
     }
 
     #[test]

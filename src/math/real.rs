@@ -95,8 +95,15 @@ pub trait Mask:
 {
     /// The same in every lane.
     fn of(yes: bool) -> Self;
+    /// In the first so many lanes.
+    fn first(count: usize) -> Self;
+    /// A bit for each lane, the first the lowest.
+    fn bits(self) -> u32;
     /// Whether it is yes in any lane.
-    fn any(self) -> bool;
+    #[inline(always)]
+    fn any(self) -> bool {
+        self.bits() != 0
+    }
 }
 
 /// Words of 32 bits; sums and products wrap around.
@@ -229,8 +236,12 @@ impl Mask for bool {
         yes
     }
     #[inline(always)]
-    fn any(self) -> bool {
-        self
+    fn first(count: usize) -> bool {
+        count > 0
+    }
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        u32::from(self)
     }
 }
 

@@ -27,6 +27,7 @@ use super::ray::{Hit, Ray};
 use super::sampler::{Independent, Sampler};
 use super::surface::Surface;
 use crate::film::time::{TimeAxis, TimeFilter};
+use crate::math::real::{Real, Vector};
 
 /// What a film with a time axis asks of transport.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,38 +68,52 @@ impl Chance {
     }
 }
 
-/// When a path is at a vertex.
+/// When a path is at a vertex; for any number of paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stamp {
+pub struct Stamp<R = f32> {
     /// Optical length of all segments so far.
-    pub path: f32,
+    pub path: R,
     /// Delays of all vertices so far but this one.
-    pub late: f32,
+    pub late: R,
     /// The delay of this vertex.
-    pub delay: f32,
+    pub delay: R,
     /// Index of the medium through which the path came.
-    pub index: f32,
+    pub index: R,
 }
 
-impl Stamp {
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Stamp<R> {
     /// When light arrives that comes to this vertex, or starts there.
-    #[inline]
-    pub fn arrived(&self) -> f64 {
-        f64::from(self.path) + f64::from(self.late)
+    #[inline(always)]
+    pub fn arrived(&self) -> R::Double {
+        self.path.double() + self.late.double()
     }
 
-    /// When light leaves that this vertex gives back, and goes on over `distance` towards `wi`.
-    #[inline]
-    pub fn onward(&self, bsdf: &Bsdf, wo: Vec3, wi: Vec3, distance: f32) -> f64 {
-        self.arrived() + f64::from(self.delay) + f64::from(self.index * bsdf.index_ratio(wo, wi) * distance)
+    /// When light leaves that this vertex gives back, and goes on over `distance` through a medium whose index has this
+    /// [ratio](super::bsdf::index_ratio) to that through which the path came.
+    #[inline(always)]
+    pub fn onward(&self, ratio: R, distance: R) -> R::Double {
+        self.arrived() + self.delay.double() + (self.index * ratio * distance).double()
     }
 
-    /// What of this vertex of a light path counts in a path that leaves it towards `wi` through a medium of index `index`,
-    /// as the camera's side knows it.
-    #[inline]
-    pub fn of_light(&self, bsdf: &Bsdf, wo: Vec3, wi: Vec3, index: f32) -> f64 {
-        let own = self.index * bsdf.index_ratio(wo, wi);
-        f64::from(self.path * (index / own)) + f64::from(self.late) + f64::from(self.delay)
+    /// What of this vertex of a light path counts in a path that leaves it through a medium of this ratio, whose index is
+    /// `index` as the camera's side knows it.
+    #[inline(always)]
+    pub fn of_light(&self, ratio: R, index: R) -> R::Double {
+        let own = self.index * ratio;
+        (self.path * (index / own)).double() + self.late.double() + self.delay.double()
+    }
+
+    /// Counts the edge from `from` to `to`.
+    #[inline(always)]
+    pub fn travel(&mut self, from: V, to: V) {
+        self.path = self.path + self.index * (from - to).length();
+    }
+
+    /// Goes on after an event that crossed the index ratio `eta`.
+    #[inline(always)]
+    pub fn leave(&mut self, eta: R) {
+        self.late = self.late + std::mem::replace(&mut self.delay, R::of(0.0));
+        self.index = self.index * eta;
     }
 }
 
@@ -132,6 +147,12 @@ impl<'a, const TIMED: bool> Flight<'a, TIMED> {
         Flight { timing: context.timing, stamp, from, free: false }
     }
 
+    /// A path that went on from `from`, where its clock said this; `free` is whether the edge on its way does not count.
+    #[inline]
+    pub fn resumed(context: &Context<'a>, stamp: Stamp, from: Vec3, free: bool) -> Flight<'a, TIMED> {
+        Flight { timing: context.timing, stamp, from, free }
+    }
+
     /// The surface that a ray of this path has met, as one part of its material if that is composed.
     #[inline]
     pub fn arrive<'s>(&mut self, context: &Context<'s>, ray: &Ray, hit: &Hit, chance: &mut Chance) -> Surface<'s> {
@@ -160,15 +181,20 @@ impl<'a, const TIMED: bool> Flight<'a, TIMED> {
         };
         let surface = Surface::of_material(scene, ray, hit, part.map_or(row, |p| p.material));
         if self.timing.is_some() {
-            if !self.free {
-                self.stamp.path += self.stamp.index * self.from.distance(surface.position);
-            }
-            self.free = false;
+            self.travel(surface.position);
             self.stamp.delay = part.map_or(0.0, |part| {
                 delay::sample_all(scene.delays.profiles(part).iter(), &scene.textures, surface.uv, chance)
             });
         }
         surface
+    }
+
+    /// The edge on its way ends there.
+    #[inline]
+    pub fn travel(&mut self, to: Vec3) {
+        if !std::mem::take(&mut self.free) {
+            self.stamp.travel(self.from, to);
+        }
     }
 
     /// When the path is where it is.
@@ -177,12 +203,17 @@ impl<'a, const TIMED: bool> Flight<'a, TIMED> {
         if TIMED { self.stamp } else { Stamp::default() }
     }
 
+    /// Where the path went on.
+    #[inline]
+    pub fn from(&self) -> Vec3 {
+        self.from
+    }
+
     /// The path goes on from `from` after an event that crossed the index ratio `eta`.
     #[inline]
     pub fn leave(&mut self, from: Vec3, eta: f32) {
         if TIMED && self.timing.is_some() {
-            self.stamp.late += std::mem::take(&mut self.stamp.delay);
-            self.stamp.index *= eta;
+            self.stamp.leave(eta);
             self.from = from;
         }
     }
@@ -208,5 +239,5 @@ pub fn of_direct(context: &Context, stamp: &Stamp, bsdf: &Bsdf, wo: Vec3, from: 
     }
     let (wi, distance) = to;
     let distance = if distance.is_finite() { distance } else { context.lights.lead(from, wi) };
-    stamp.onward(bsdf, wo, wi, distance)
+    stamp.onward(bsdf.index_ratio(wo, wi), distance)
 }

@@ -9,8 +9,9 @@
 
 use super::source::{code_only, rust_files, text, words};
 
-/// Names that mean any number of lanes, or eight.
-const LANES: [&str; 10] = ["Real", "Word", "Vector", "Mask", "Double", "Reals", "Words", "Vectors", "Yes", "Doubles"];
+/// Names that mean any number of lanes, or so many.
+const LANES: [&str; 11] =
+    ["Real", "Lanes", "Word", "Vector", "Mask", "Double", "Reals", "Words", "Vectors", "Yes", "Doubles"];
 
 /// The rooms in which these names mean that.
 const ROOMS: [&str; 3] = ["src/math", "src/transport", "src/render/cpu/streams"];
@@ -83,7 +84,8 @@ fn unfit(text: &str) -> Vec<String> {
 
 #[test]
 fn whatever_runs_in_lanes_is_inlined_by_force() {
-    let files: Vec<String> = ROOMS.iter().flat_map(|room| rust_files(room)).collect();
+    let files = ROOMS.iter().flat_map(|room| rust_files(room)).filter(|file| !file.ends_with("tests.rs"));
+    let files: Vec<String> = files.collect();
     let seen: usize = files.iter().map(|f| in_lanes(&text(f)).len()).sum();
     assert!(seen > 150, "only {seen} functions name lanes: has the law gone blind?");
     let unfit = files.iter().flat_map(|f| unfit(&text(f)).into_iter().map(move |begin| format!("{f}: {begin}")));

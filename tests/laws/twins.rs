@@ -12,7 +12,10 @@ const ALONE: &[(&str, &str)] = &[
 /// Originals without a twin, and why.
 const HOST: &[(&str, &str)] = &[
     ("src/math/discovery.rs", "statistics of nights"),
-    ("src/math/lanes.rs", "GLSL has lanes of its own"),
+    ("src/math/lanes/eight.rs", "GLSL has lanes of its own"),
+    ("src/math/lanes/mod.rs", "GLSL has lanes of its own"),
+    ("src/math/lanes/sixteen.rs", "GLSL has lanes of its own"),
+    ("src/math/lanes/tests.rs", "tests"),
     ("src/math/mod.rs", "nothing but names"),
     ("src/math/real.rs", "GLSL has numbers of its own"),
     ("src/math/stats.rs", "tests of statistics"),

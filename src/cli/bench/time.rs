@@ -12,6 +12,7 @@ use super::subject::Subject;
 use super::turns::in_turns;
 use crate::film::time::TimeAxis;
 use crate::math::stats::median;
+use crate::render::hierarchy::{AccelSpec, InLanes};
 use crate::render::{Job, Renderer, backend};
 use crate::scene::compile;
 use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
@@ -40,14 +41,17 @@ struct Kind {
     name: &'static str,
     base: usize,
     film: bool,
+    lanes: InLanes,
     change: fn(&mut SceneDesc),
 }
 
-const KINDS: [Kind; 4] = [
-    Kind { name: "picture", base: 0, film: false, change: |_| {} },
-    Kind { name: "film of 300 bins", base: 0, film: true, change: |_| {} },
-    Kind { name: "separable", base: 1, film: true, change: delayed },
-    Kind { name: "composed", base: 1, film: true, change: composed },
+/// Lanes know no delays, so that what those cost shows beside paths that go one by one as well.
+const KINDS: [Kind; 5] = [
+    Kind { name: "picture", base: 0, film: false, lanes: InLanes::Auto, change: |_| {} },
+    Kind { name: "film of 300 bins", base: 0, film: true, lanes: InLanes::Auto, change: |_| {} },
+    Kind { name: "film, path by path", base: 1, film: true, lanes: InLanes::Never, change: |_| {} },
+    Kind { name: "separable", base: 2, film: true, lanes: InLanes::Never, change: delayed },
+    Kind { name: "composed", base: 2, film: true, lanes: InLanes::Never, change: composed },
 ];
 
 /// Measures every integrator on a scene, on these backends.
@@ -65,7 +69,7 @@ fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, backend: &str, rep
     for kind in &KINDS {
         let mut changed = desc.clone();
         (kind.change)(&mut changed);
-        renderers.push(open(&changed, integrator, backend, kind.film)?);
+        renderers.push(open(&changed, integrator, backend, kind)?);
     }
     let mut turns = in_turns(&mut renderers, repeats + 1, SAMPLES, |wave| wave.render_s)?;
     let first = turns.remove(0);
@@ -76,11 +80,13 @@ fn open(
     desc: &SceneDesc,
     integrator: &'static IntegratorRow,
     on: &str,
-    film: bool,
+    kind: &Kind,
 ) -> Result<Box<dyn Renderer>, String> {
     let (scene, _) = compile(desc).map_err(|e| e.to_string())?;
     let timing = Timing::plain(TimeAxis { start: 0.0, bin: 0.1, bins: BINS });
-    let job = Job { timing: film.then_some(timing), threads: 1, ..Job::plain(integrator, SIZE, scene.max_depth, 1) };
+    let plain = Job::plain(integrator, SIZE, scene.max_depth, 1);
+    let accel = AccelSpec { lanes: kind.lanes, ..plain.accel };
+    let job = Job { timing: kind.film.then_some(timing), threads: 1, accel, ..plain };
     let row = backend(on).ok_or_else(|| format!("there is no backend `{on}`"))?;
     (row.open)(Arc::new(scene), job).map_err(|e| e.to_string())
 }

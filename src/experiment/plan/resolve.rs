@@ -255,7 +255,7 @@ fn alone(config: &CellConfig, row: &IntegratorRow, sampler: &SamplerRow) -> Opti
     if config.accel.lanes != InLanes::Auto {
         return None;
     }
-    together::alone(row, &config.params, sampler, !config.films.is_empty(), config.timing.is_some())
+    together::alone(row, &config.params, sampler, !config.films.is_empty())
 }
 
 /// Why a backend cannot render this, if it cannot.

@@ -6,6 +6,9 @@
 
 use glam::Vec4;
 
+#[cfg(target_arch = "x86_64")]
+use crate::math::lanes::Width;
+
 /// How many numbers.
 pub const LANES: usize = 8;
 
@@ -21,28 +24,29 @@ pub enum Isa {
     Portable,
     /// Vectors of 256 bits.
     Avx2,
+    /// The same for one ray; vectors of 512 bits for many paths together.
+    Avx512,
 }
 
-/// Names a set of instructions, to compare them: `LUMBRE_ISA=portable`. Pictures have the same bits with all of them.
+/// Names a set of instructions by [`Isa::name`], to compare them: `LUMBRE_ISA=portable`. Pictures have the same bits with all
+/// of them.
 pub const ISA_VARIABLE: &str = "LUMBRE_ISA";
 
 impl Isa {
-    /// The widest that this processor has, unless [`ISA_VARIABLE`] says `portable`.
+    /// The widest that this processor has, or the one that [`ISA_VARIABLE`] names, if it has that.
     pub fn detect() -> Isa {
-        if std::env::var_os(ISA_VARIABLE).is_some_and(|isa| isa == "portable") {
-            return Isa::Portable;
-        }
-        Isa::available().last().copied().unwrap_or(Isa::Portable)
+        let available = Isa::available().iter().copied();
+        let named = std::env::var_os(ISA_VARIABLE);
+        let named = named.and_then(|name| available.clone().find(|isa| name == isa.name()));
+        named.or(available.last()).unwrap_or(Isa::Portable)
     }
 
     /// All that this processor has, the widest last.
     pub fn available() -> &'static [Isa] {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2")
-            && std::arch::is_x86_feature_detected!("bmi1")
-            && std::arch::is_x86_feature_detected!("bmi2")
-            && std::arch::is_x86_feature_detected!("lzcnt")
-        {
+        if Width::sixteen().is_some() {
+            return &[Isa::Portable, Isa::Avx2, Isa::Avx512];
+        } else if Width::eight().is_some() {
             return &[Isa::Portable, Isa::Avx2];
         }
         &[Isa::Portable]
@@ -53,6 +57,7 @@ impl Isa {
         match self {
             Isa::Portable => "portable",
             Isa::Avx2 => "avx2",
+            Isa::Avx512 => "avx512",
         }
     }
 }

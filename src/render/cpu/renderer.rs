@@ -9,6 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
+use super::brought::Brought;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
 use super::streams::{Few, Streams};
@@ -63,6 +64,14 @@ impl CpuRenderer {
     /// # Errors
     /// When the threads cannot be started, the scene's hierarchy cannot be used, or layers or bins are too large.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, RenderError> {
+        CpuRenderer::with_isa(scene, job, Isa::detect())
+    }
+
+    /// The same for a set of instructions, one of [`Isa::available`].
+    ///
+    /// # Errors
+    /// As of [`CpuRenderer::new`].
+    pub fn with_isa(scene: Arc<CompiledScene>, job: Job, isa: Isa) -> Result<CpuRenderer, RenderError> {
         let failed = |reason: String| RenderError::Failed { backend: "cpu", reason };
         let layers = LayerSums::of(&job).map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
         let pool = rayon::ThreadPoolBuilder::new()
@@ -72,9 +81,8 @@ impl CpuRenderer {
             .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
         let times = pool.install(|| TimeSums::of(&job));
         let times = times.map_err(|reason| RenderError::Unsupported { backend: "cpu", reason })?;
-        let accel = pool
-            .install(|| Accel::build_as(Arc::clone(&scene), &job.accel, Isa::detect()))
-            .map_err(|e| failed(e.to_string()))?;
+        let accel =
+            pool.install(|| Accel::build_as(Arc::clone(&scene), &job.accel, isa)).map_err(|e| failed(e.to_string()))?;
         // Not the one that came where the builder knows no copies: primitives are numbered as the hierarchy's scene has them.
         let scene = Arc::clone(&accel.scene);
         let streams = Streams::of(&scene, &job, &accel);
@@ -253,16 +261,30 @@ impl Renderer for CpuRenderer {
             };
             let mut stats = RowStats::default();
             let mut buffer = idle().pop().unwrap_or_default();
+            let mut by_time = apart.times.zip(landing).map(|(row, landing)| Gathering::new(landing, row));
             if let Some(streams) = streams {
-                streams.row(&context, job, y, first..first + samples, |x, sample, elsewhere, value| {
-                    let fine = match elsewhere {
-                        None => add(value, &mut sum[x as usize], &mut sum2[x as usize]),
-                        Some([column, row]) => {
+                streams.row(&context, job, y, first..first + samples, |x, sample, brought, value| {
+                    let mut invalid = match brought {
+                        Brought::Whole => {
+                            let finite = add(value, &mut sum[x as usize], &mut sum2[x as usize]);
+                            let room = by_time.as_mut().is_none_or(|by_time| by_time.close(x, finite));
+                            u64::from(!finite) + u64::from(!room)
+                        }
+                        Brought::Part(length) => {
+                            if let Some(by_time) = &mut by_time {
+                                by_time.own(x, value, length);
+                            }
+                            return;
+                        }
+                        Brought::Elsewhere([column, row], length) => {
                             let at = row as usize * width as usize + column as usize;
-                            value == Vec3::ZERO || column < width && row < height && buffer.push(at, value.to_array())
+                            let mut push = || match &landing {
+                                Some(landing) => landing.splat(at, (value, length), |i, v| buffer.push(i, v)),
+                                None => buffer.push(at, value.to_array()),
+                            };
+                            u64::from(!(value == Vec3::ZERO || column < width && row < height && push()))
                         }
                     };
-                    let mut invalid = u64::from(!fine);
                     if buffer.is_full() {
                         invalid += buffer.flush(sums());
                     }
@@ -275,7 +297,6 @@ impl Renderer for CpuRenderer {
                 return RowStats { rays: trace.rays.get(), ..stats };
             }
             let mut tally = apart.layers.zip(spec).map(|(row, spec)| Tally::new(spec, row));
-            let mut by_time = apart.times.zip(landing).map(|(row, landing)| Gathering::new(landing, row));
             for x in 0..width {
                 let pixel = [x, y];
                 for sample in first..first + samples {
@@ -288,13 +309,13 @@ impl Renderer for CpuRenderer {
                             value += c.value;
                             invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
                             if let Some(by_time) = &mut by_time {
-                                by_time.own(x, &c);
+                                by_time.own(x, c.value, c.length);
                             }
                         } else {
                             let inside = c.pixel[0] < width && c.pixel[1] < height;
                             let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
                             let mut push = || match &landing {
-                                Some(landing) => landing.splat(at, &c, |place, value| buffer.push(place, value)),
+                                Some(landing) => landing.splat(at, (c.value, c.length), |i, v| buffer.push(i, v)),
                                 None => buffer.push(at, c.value.to_array()),
                             };
                             if c.value != Vec3::ZERO && !(inside && push()) {

@@ -7,6 +7,7 @@
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bins::Bins;
@@ -16,7 +17,6 @@ use crate::film::splat::{self, SplatSums};
 use crate::film::state::{Misfit, Saved, write_words};
 use crate::film::time::{TimeCube, bytes, total};
 use crate::render::Job;
-use crate::transport::contribution::Contribution;
 use crate::transport::flight::Timing;
 
 /// All sums of a run by time.
@@ -181,11 +181,16 @@ impl<'a> Landing<'a> {
     }
 
     /// Hands each share of a splat on a pixel to `push` with its place among the sums, and says whether all were taken.
-    pub(super) fn splat(&self, pixel: usize, c: &Contribution, mut push: impl FnMut(usize, [f32; 3]) -> bool) -> bool {
+    pub(super) fn splat(
+        &self,
+        pixel: usize,
+        (value, length): (Vec3, f64),
+        mut push: impl FnMut(usize, [f32; 3]) -> bool,
+    ) -> bool {
         let Timing { axis, filter, .. } = self.timing;
         let mut taken = true;
-        filter.spread(axis, axis.place(c.length), |slot, share| {
-            let value = if share == 1.0 { c.value } else { c.value * share as f32 };
+        filter.spread(axis, axis.place(length), |slot, share| {
+            let value = if share == 1.0 { value } else { value * share as f32 };
             taken &= push(pixel * axis.slots() + slot, value.to_array());
         });
         taken
@@ -209,14 +214,14 @@ impl<'a> Gathering<'a> {
         Gathering { timing, row, values: vec![[0.0; 3]; timing.axis.slots()], touched: Vec::new() }
     }
 
-    /// Takes a contribution to the sample's own pixel, which is in column `x`.
+    /// Takes light for the sample's own pixel, which is in column `x`, and the optical length of its path.
     #[inline]
-    pub(super) fn own(&mut self, x: u32, c: &Contribution) {
+    pub(super) fn own(&mut self, x: u32, value: Vec3, length: f64) {
         let Timing { axis, filter, .. } = self.timing;
         let (values, touched) = (&mut self.values, &mut self.touched);
         let first = x as usize * values.len();
-        let value = c.value.as_dvec3().to_array();
-        filter.spread(axis, axis.place(c.length), |slot, share| {
+        let value = value.as_dvec3().to_array();
+        filter.spread(axis, axis.place(length), |slot, share| {
             let sums = &mut values[slot];
             if *sums == [0.0; 3] {
                 touched.push(slot as u32);

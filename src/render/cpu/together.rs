@@ -16,7 +16,6 @@ pub fn alone(
     params: &BTreeMap<String, Value>,
     sampler: &SamplerRow,
     layered: bool,
-    timed: bool,
 ) -> Option<String> {
     if !INTEGRATORS.contains(&integrator.name) {
         return Some(format!("by `{}`", integrator.name));
@@ -26,7 +25,6 @@ pub fn alone(
     }
     match () {
         () if layered => Some("with `films`".to_owned()),
-        () if timed => Some("with a time axis".to_owned()),
         () if Settings::new(params).all_lights => Some("with `lights = \"all\"`".to_owned()),
         () => None,
     }

@@ -45,8 +45,8 @@ impl Accel {
         match self.isa {
             #[cfg(target_arch = "x86_64")]
             #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
-            // SAFETY: an accel says AVX2 only where the processor has it.
-            Isa::Avx2 => unsafe { self.traverse_avx2::<ANY, false>(ray, t_max) },
+            // SAFETY: an accel says AVX2, or AVX-512, only where the processor has it, and AVX2 with the latter.
+            Isa::Avx2 | Isa::Avx512 => unsafe { self.traverse_avx2::<ANY, false>(ray, t_max) },
             _ => self.traverse::<Portable, ANY, false>(ray, t_max),
         }
     }
@@ -57,8 +57,8 @@ impl Accel {
         match self.isa {
             #[cfg(target_arch = "x86_64")]
             #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
-            // SAFETY: an accel says AVX2 only where the processor has it.
-            Isa::Avx2 => unsafe { self.traverse_avx2::<ANY, true>(ray, t_max) },
+            // SAFETY: an accel says AVX2, or AVX-512, only where the processor has it, and AVX2 with the latter.
+            Isa::Avx2 | Isa::Avx512 => unsafe { self.traverse_avx2::<ANY, true>(ray, t_max) },
             _ => self.traverse::<Portable, ANY, true>(ray, t_max),
         }
     }

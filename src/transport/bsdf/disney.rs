@@ -469,6 +469,13 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> View<V> {
+    /// In the place of one where the surface is of another model.
+    #[inline(always)]
+    pub fn none() -> View<V> {
+        let zero = R::of(0.0);
+        View { o: V::all(zero), below: R::Mask::of(false), eta: zero, choice: Choice::none(), masking: zero }
+    }
+
     /// `wo` in the local frame.
     #[inline(always)]
     fn wo(&self) -> V {

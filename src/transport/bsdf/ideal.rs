@@ -33,8 +33,8 @@ impl Ideal {
     pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: Mode) -> Option<Local> {
         let [diffuse, metal, glass] = self.mix;
         if u < diffuse {
-            let s = lambert::sample(self.base_color, wo, v)?;
-            return Some(Local::new(s, diffuse * lambert::pdf_w(wo, s.wi), false));
+            let (some, s) = lambert::sample(self.base_color, wo, v);
+            return some.then(|| Local::new(s, diffuse * lambert::pdf_w(wo, s.wi), false));
         }
         if u < diffuse + metal || glass <= 0.0 {
             return Some(Local::new(mirror::sample(self.base_color, wo), metal, true));

@@ -1,31 +1,32 @@
-//! Ideal diffuse reflection, on both sides of a surface.
+//! Ideal diffuse reflection, on both sides of a surface; for any number of surfaces.
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
 use super::LobeSample;
+use crate::math::real::{Real, Vector};
 use crate::math::warp;
 
 /// `albedo / pi` where both directions are on one side, else black.
-#[inline]
-pub fn eval(albedo: Vec3, wo: Vec3, wi: Vec3) -> Vec3 {
-    if wo.z * wi.z > 0.0 { albedo * FRAC_1_PI } else { Vec3::ZERO }
+#[inline(always)]
+pub fn eval<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(albedo: V, wo: V, wi: V) -> V {
+    V::select((wo.z() * wi.z()).gt(R::of(0.0)), albedo * R::of(FRAC_1_PI), V::of(Vec3::ZERO))
 }
 
 /// Density of [`sample`] per solid angle.
-#[inline]
-pub fn pdf_w(wo: Vec3, wi: Vec3) -> f32 {
-    if wo.z * wi.z > 0.0 { warp::cosine_hemisphere_pdf_w(wi.z.abs()) } else { 0.0 }
+#[inline(always)]
+pub fn pdf_w<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(wo: V, wi: V) -> R {
+    let zero = R::of(0.0);
+    R::select((wo.z() * wi.z()).gt(zero), warp::cosine_hemisphere_pdf_w(wi.z().abs()), zero)
 }
 
-/// A direction on the side of `wo` with the density of the cosine; `None` for a grazing one of no weight.
-#[inline]
-pub fn sample(albedo: Vec3, wo: Vec3, u: [f32; 2]) -> Option<LobeSample> {
-    let mut wi = warp::cosine_hemisphere(u);
-    if wi.z <= 0.0 || wo.z == 0.0 {
-        return None;
-    }
-    wi.z = wi.z.copysign(wo.z);
-    Some(LobeSample { wi, weight: albedo, eta: 1.0 })
+/// A direction on the side of `wo` with the density of the cosine; the mask is not set for a grazing one of no weight.
+#[inline(always)]
+pub fn sample<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(albedo: V, wo: V, u: [R; 2]) -> (R::Mask, LobeSample<V>) {
+    let zero = R::of(0.0);
+    let wi = warp::cosine_hemisphere(u);
+    let some = wi.z().gt(zero) & !wo.z().eq(zero);
+    let wi = V::new(wi.x(), wi.y(), wi.z().copysign(wo.z()));
+    (some, LobeSample { wi, weight: albedo, eta: R::of(1.0) })
 }

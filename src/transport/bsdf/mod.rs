@@ -309,8 +309,8 @@ impl Bsdf {
     /// where there is no inside.
     #[inline]
     pub fn index_ratio(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let o = wo.dot(self.frame.n);
-        if o * wi.dot(self.frame.n) >= 0.0 {
+        let cos = [wo.dot(self.frame.n), wi.dot(self.frame.n)];
+        if cos[0] * cos[1] >= 0.0 {
             return 1.0;
         }
         let inside = match &self.kind {
@@ -318,7 +318,7 @@ impl Bsdf {
             Kind::Disney(k) => k.ior,
             Kind::Interface(k) => k.index_inside(),
         };
-        if o > 0.0 { inside } else { 1.0 / inside }
+        index_ratio(cos, inside)
     }
 
     /// Whether any lobe has a density, so that a connection to a light can carry something.
@@ -420,6 +420,15 @@ impl Bsdf {
     fn adjoint(&self, wo: Vec3, wi: Vec3, cos_o: f32, cos_i: f32) -> f32 {
         if self.flat { 1.0 } else { adjoint(self.n_geometric, [wo, wi], [cos_o, cos_i]) }
     }
+}
+
+/// [`Bsdf::index_ratio`] of directions with these cosines with the shading normal, on a surface with this index inside; for
+/// any number of surfaces.
+#[inline(always)]
+pub fn index_ratio<R: Real>([cos_o, cos_i]: [R; 2], inside: R) -> R {
+    let (zero, one) = (R::of(0.0), R::of(1.0));
+    let across = R::select(cos_o.gt(zero), inside, one / inside);
+    R::select((cos_o * cos_i).ge(zero), one, across)
 }
 
 /// |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|), where the cosines are those with the shading normal n_s: light arrives on

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use super::nee::{State, Walk};
+use super::nee::{State, Timed, Walk};
 use super::{Context, IntegratorRow};
 use crate::scene::compile::NONE;
 use crate::transport::bsdf::{Bsdf, Mode};
@@ -53,6 +53,19 @@ pub fn step(
     hit: Option<Hit>,
 ) -> bool {
     state.once(context, sampler, |walk, sampler| step_of(walk, context, pixel, sampler, sink, depth, hit))
+}
+
+/// A [`TimedStepFn`](super::nee::TimedStepFn).
+pub fn timed_step<'a>(
+    path: &mut Timed<'a>,
+    context: &Context<'a>,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    depth: u32,
+    hit: Option<Hit>,
+) -> bool {
+    path.once(sampler, |walk, sampler| step_of(walk, context, pixel, sampler, sink, depth, hit))
 }
 
 /// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.

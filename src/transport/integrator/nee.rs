@@ -120,6 +120,43 @@ impl State {
     }
 }
 
+/// A path between two steps with its clock, in a scene without overhangs.
+pub struct Timed<'a> {
+    /// What it brings to its next vertex.
+    pub state: State,
+    /// The clock.
+    pub flight: Flight<'a, true>,
+}
+
+impl<'a> Timed<'a> {
+    /// Makes one step of the path by itself; whether it goes on.
+    #[inline(always)]
+    pub(super) fn once(
+        &mut self,
+        sampler: &mut Sampler,
+        step: impl FnOnce(&mut Walk<'a, true>, &mut Sampler) -> bool,
+    ) -> bool {
+        let chance = Chance::new::<true>(sampler);
+        let mut walk = Walk { state: self.state, over: None, chance, flight: self.flight };
+        let goes_on = step(&mut walk, sampler);
+        *self = Timed { state: walk.state, flight: walk.flight };
+        goes_on
+    }
+}
+
+/// A [`TimedStepFn`].
+pub fn timed_step<'a>(
+    path: &mut Timed<'a>,
+    context: &Context<'a>,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    depth: u32,
+    hit: Option<Hit>,
+) -> bool {
+    path.once(sampler, |walk, sampler| walk.step(context, pixel, sampler, sink, depth, hit))
+}
+
 /// A path on its way.
 pub(super) struct Walk<'a, const TIMED: bool> {
     pub state: State,
@@ -132,6 +169,17 @@ pub(super) struct Walk<'a, const TIMED: bool> {
 /// met something, or nothing; whether the path goes on from there.
 pub type StepFn =
     fn(&mut State, &Context, [u32; 2], &mut Sampler, &mut dyn FnMut(Contribution), u32, Option<Hit>) -> bool;
+
+/// The same of a path with a clock, in a scene without delays and composed materials.
+pub type TimedStepFn = for<'a> fn(
+    &mut Timed<'a>,
+    &Context<'a>,
+    [u32; 2],
+    &mut Sampler,
+    &mut dyn FnMut(Contribution),
+    u32,
+    Option<Hit>,
+) -> bool;
 
 impl<'a, const TIMED: bool> Walk<'a, TIMED> {
     #[inline]

@@ -49,6 +49,7 @@ use self::bounds::Ball;
 use self::environment::Surroundings;
 use super::surface::sphere_uv;
 use crate::math::distribution::Alias;
+use crate::math::real::{Real, Vector};
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
 use crate::scene::compile::Uv;
@@ -215,10 +216,10 @@ impl Lights {
     }
 
     /// How far the wave front of a light without a place, in the unit direction `wi`, still has to go to `from` when it
-    /// touches the ball around all surfaces; negative for points beyond it.
-    #[inline]
-    pub fn lead(&self, from: Vec3, wi: Vec3) -> f32 {
-        self.ball.radius - (from - self.ball.center).dot(wi)
+    /// touches the ball around all surfaces; negative for points beyond it. For any number of points.
+    #[inline(always)]
+    pub fn lead<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, from: V, wi: V) -> R {
+        R::of(self.ball.radius) - (from - V::of(self.ball.center)).dot(wi)
     }
 
     /// The index of a light and the probability with which it is chosen; `None` if nothing shines.

@@ -105,14 +105,14 @@ Length connection_length(
             far = lights_lead(aim.camera.lens, aim.camera.dir);
         }
         Length length = Length(paths.emitted) + Length(job.time_camera != 0u ? job.time_medium * far : 0.0);
-        return s == 1u ? length : length + stamp_of_light(y.stamp, y.bsdf, y.wo, -aim.wi, job.time_medium);
+        return s == 1u ? length : length + stamp_of_light(y.stamp, bsdf_index_ratio(y.bsdf, y.wo, -aim.wi), job.time_medium);
     }
     if (s == 1u) {
         return flight_of_direct(z.stamp, z.bsdf, z.wo, z.position, aim.wi, direct_distance);
     }
-    float index = z.stamp.index * bsdf_index_ratio(z.bsdf, z.wo, aim.wi);
-    Length near = stamp_onward(z.stamp, z.bsdf, z.wo, aim.wi, sqrt(aim.distance2));
-    return near + stamp_of_light(y.stamp, y.bsdf, y.wo, -aim.wi, index);
+    float ratio = bsdf_index_ratio(z.bsdf, z.wo, aim.wi);
+    Length near = stamp_onward(z.stamp, ratio, sqrt(aim.distance2));
+    return near + stamp_of_light(y.stamp, bsdf_index_ratio(y.bsdf, y.wo, -aim.wi), z.stamp.index * ratio);
 #else
     return Length(0.0);
 #endif

@@ -1,5 +1,5 @@
-//! Rays together, in scenes of few primitives: one primitive after the other is tested with eight rays in lanes, where a ray
-//! by itself is tested with eight primitives. What every ray needs of its own is then made for eight at once, and corners that
+//! Rays together, in scenes of few primitives: one primitive after the other is tested with the rays in all lanes, where a ray
+//! by itself is tested with eight primitives. What every ray needs of its own is then made for all at once, and corners that
 //! triangles share are sheared once.
 //!
 //! Rays meet what they meet alone, to the bit: the tests are those of [`intersect`](super::super::intersect), operation by
@@ -7,8 +7,7 @@
 
 use glam::Vec3;
 
-use super::set;
-use crate::math::lanes::{LANES, Reals, Row, Vectors, Yes, transposed};
+use crate::math::lanes::{AnyWidth, Lanes, Row, Width, set};
 use crate::math::real::{Mask, Real, Vector};
 use crate::render::cpu::accel::{Accel, ONE_LEAF};
 use crate::scene::CompiledScene;
@@ -17,6 +16,7 @@ use crate::transport::ray::{Hit, Ray};
 
 /// All primitives of a scene of few.
 pub struct Few {
+    width: Width,
     /// Corners, those with the same coordinates once.
     corners: Vec<Vec3>,
     /// Of every triangle its corners.
@@ -25,34 +25,35 @@ pub struct Few {
     spheres: Vec<(Vec3, f32)>,
 }
 
-/// What eight rays need for the test of a triangle: see `ShearedRay`.
-struct Sheared {
-    origin: Vectors,
+/// What rays need for the test of a triangle: see `ShearedRay`.
+struct Sheared<R: Real> {
+    origin: R::Vec3,
     /// Where the ray runs most along x; where along y.
-    along: [Yes; 2],
+    along: [R::Mask; 2],
     /// Where the two other axes change places.
-    swapped: Yes,
-    shear: [Reals; 3],
+    swapped: R::Mask,
+    shear: [R; 3],
 }
 
-/// The best hits so far.
-struct Best {
-    t: Reals,
-    v: Reals,
-    w: Reals,
-    primitive: Reals,
-    found: Yes,
+/// The best hits so far. What stands at each place on the primitive is still to be divided: seldom is a hit the last one.
+struct Best<R: Real> {
+    t: R,
+    v: R,
+    w: R,
+    divisor: R,
+    primitive: R,
+    found: R::Mask,
 }
 
 impl Few {
     /// For a hierarchy that is one leaf, in a scene where no mask decides.
-    pub fn of(scene: &CompiledScene, accel: &Accel) -> Option<Few> {
+    pub fn of(scene: &CompiledScene, accel: &Accel, width: Width) -> Option<Few> {
         let few = accel.is_one_leaf() && scene.primitive_count() <= ONE_LEAF;
-        few.then(|| Few::new(&scene.triangles, scene.spheres.iter().map(|s| (s.center, s.radius)).collect()))
+        few.then(|| Few::new(width, &scene.triangles, scene.spheres.iter().map(|s| (s.center, s.radius)).collect()))
     }
 
     /// Of these triangles, and then spheres.
-    fn new(triangles: &[[Vec3; 3]], spheres: Vec<(Vec3, f32)>) -> Few {
+    fn new(width: Width, triangles: &[[Vec3; 3]], spheres: Vec<(Vec3, f32)>) -> Few {
         let bits = |v: Vec3| v.to_array().map(f32::to_bits);
         let mut corners: Vec<Vec3> = Vec::new();
         let mut index = |corner: Vec3| {
@@ -63,133 +64,152 @@ impl Few {
             }) as u8
         };
         let triangles = triangles.iter().map(|t| t.map(&mut index)).collect();
-        Few { corners, triangles, spheres }
+        Few { width, corners, triangles, spheres }
     }
 
     /// The nearest hit of each ray with `0 < t < t_max`.
     pub fn closest(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
-        #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
-        // SAFETY: streams, and this with them, are made only where the processor has AVX2.
-        unsafe {
-            self.closest_avx2(rays, hits);
-        }
+        self.width.run(Closest { few: self, rays, hits });
     }
 
     /// Whether each ray hits anything with `0 < t < t_max`.
     pub fn occluded(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
-        #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
-        // SAFETY: as in `closest`.
-        unsafe {
-            self.occluded_avx2(rays, hidden);
-        }
+        self.width.run(Occluded { few: self, rays, hidden });
     }
 
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn closest_avx2(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
-        let mut scratch = self.scratch();
-        for group in rays.chunks(LANES) {
-            let best = self.eight::<false>(group, &mut scratch);
-            let (found, t, v, w) = (best.found.bits(), best.t.store(), best.v.store(), best.w.store());
-            let primitives = best.primitive.store();
-            for i in 0..group.len() {
-                let (t, uv, primitive) = (t.0[i], [v.0[i], w.0[i]], primitives.0[i].to_bits());
-                hits.push((found & 1 << i != 0).then_some(Hit { t, primitive, instance: NONE, uv }));
-            }
-        }
-    }
-
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn occluded_avx2(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
-        let mut scratch = self.scratch();
-        for group in rays.chunks(LANES) {
-            let found = self.eight::<true>(group, &mut scratch).found.bits();
-            hidden.extend((0..group.len()).map(|i| found & 1 << i != 0));
-        }
-    }
-
-    /// Room for all corners, sheared.
+    /// As many rays as there are lanes, or fewer; with `ANY` until each has hit something. `sheared` is room for all corners.
     #[inline(always)]
-    fn scratch(&self) -> Vec<[Row; 3]> {
-        vec![[Row::default(); 3]; self.corners.len()]
-    }
-
-    /// Up to eight rays; with `ANY` until each has hit something.
-    #[inline(always)]
-    fn eight<const ANY: bool>(&self, group: &[(Ray, f32)], sheared: &mut [[Row; 3]]) -> Best {
-        let mut rows = [Row::default(); LANES];
+    fn some<R: Lanes<N>, const N: usize, const ANY: bool>(
+        &self,
+        group: &[(Ray, f32)],
+        sheared: &mut Vec<[R; 3]>,
+    ) -> Best<R> {
+        let mut rows = [Row::default(); N];
         for (row, (Ray { origin: o, dir: d }, t_max)) in rows.iter_mut().zip(group) {
             *row = Row([o.x, o.y, o.z, d.x, d.y, d.z, *t_max, 0.0]);
         }
-        let [x, y, z, u, v, w, t_max, _] = transposed(rows.each_ref());
-        let (origin, dir) = (Vectors::new(x, y, z), Vectors::new(u, v, w));
-        let zero = Reals::of(0.0);
+        let [x, y, z, u, v, w, t_max, _] = R::transposed(rows.each_ref());
+        let (origin, dir) = (R::Vec3::new(x, y, z), R::Vec3::new(u, v, w));
+        let zero = R::of(0.0);
         // A ray with a number that is not finite hits nothing.
-        let usable = Yes::first(group.len()) & (origin + dir).element_sum().is_finite();
-        let mut best = Best { t: t_max, v: zero, w: zero, primitive: zero, found: Yes::of(false) };
+        let usable = R::Mask::first(group.len()) & (origin + dir).element_sum().is_finite();
+        let mut best =
+            Best { t: t_max, v: zero, w: zero, divisor: R::of(1.0), primitive: zero, found: R::Mask::of(false) };
         let rays = Sheared::new(origin, dir);
-        for (place, corner) in sheared.iter_mut().zip(&self.corners) {
-            let [x, y, z] = rays.corner(Vectors::of(*corner));
-            *place = [x.store(), y.store(), z.store()];
+        sheared.clear();
+        for corner in &self.corners {
+            sheared.push(rays.corner(R::Vec3::of(*corner)));
         }
         for (id, [a, b, c]) in self.triangles.iter().enumerate() {
             let corners = [&sheared[usize::from(*a)], &sheared[usize::from(*b)], &sheared[usize::from(*c)]];
-            rays.triangle::<ANY>(corners, id as u32, usable, &mut best);
+            rays.triangle::<N>(corners, id as u32, usable, &mut best);
             if ANY && !(usable & !best.found).any() {
                 return best;
             }
         }
         for (i, (center, radius)) in self.spheres.iter().enumerate() {
-            let t = sphere([origin, dir], Vectors::of(*center), *radius);
-            best.offer(usable & t.gt(zero), t, [zero; 2], (self.triangles.len() + i) as u32);
+            let t = sphere::<R>([origin, dir], R::Vec3::of(*center), *radius);
+            best.offer(usable & t.gt(zero), t, [zero, zero, R::of(1.0)], (self.triangles.len() + i) as u32);
         }
         best
     }
 }
 
-impl Best {
+/// The work of [`Few::closest`].
+struct Closest<'a> {
+    few: &'a Few,
+    rays: &'a [(Ray, f32)],
+    hits: &'a mut Vec<Option<Hit>>,
+}
+
+impl AnyWidth for Closest<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let mut scratch = Vec::with_capacity(self.few.corners.len());
+        for group in self.rays.chunks(N) {
+            let best = self.few.some::<R, N, false>(group, &mut scratch);
+            let (found, t, primitives) = (best.found.bits(), best.t.store(), best.primitive.store());
+            let (v, w) = ((best.v / best.divisor).store(), (best.w / best.divisor).store());
+            for i in 0..group.len() {
+                let (t, uv, primitive) = (t[i], [v[i], w[i]], primitives[i].to_bits());
+                self.hits.push((found & 1 << i != 0).then_some(Hit { t, primitive, instance: NONE, uv }));
+            }
+        }
+    }
+}
+
+/// The work of [`Few::occluded`].
+struct Occluded<'a> {
+    few: &'a Few,
+    rays: &'a [(Ray, f32)],
+    hidden: &'a mut Vec<bool>,
+}
+
+impl AnyWidth for Occluded<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let mut scratch = Vec::with_capacity(self.few.corners.len());
+        for group in self.rays.chunks(N) {
+            let found = self.few.some::<R, N, true>(group, &mut scratch).found.bits();
+            self.hidden.extend((0..group.len()).map(|i| found & 1 << i != 0));
+        }
+    }
+}
+
+impl<R: Real> Best<R> {
     /// Takes hits that are nearer.
     #[inline(always)]
-    fn offer(&mut self, met: Yes, t: Reals, [v, w]: [Reals; 2], primitive: u32) {
+    fn offer(&mut self, met: R::Mask, t: R, [v, w, divisor]: [R; 3], primitive: u32) {
         let better = met & t.lt(self.t);
-        self.t = Reals::select(better, t, self.t);
-        self.v = Reals::select(better, v, self.v);
-        self.w = Reals::select(better, w, self.w);
-        self.primitive = Reals::select(better, Reals::of(f32::from_bits(primitive)), self.primitive);
+        self.t = R::select(better, t, self.t);
+        self.v = R::select(better, v, self.v);
+        self.w = R::select(better, w, self.w);
+        self.divisor = R::select(better, divisor, self.divisor);
+        self.primitive = R::select(better, R::of(f32::from_bits(primitive)), self.primitive);
         self.found = self.found | better;
     }
 }
 
-impl Sheared {
+impl<R: Real> Sheared<R> {
     #[inline(always)]
-    fn new(origin: Vectors, dir: Vectors) -> Sheared {
+    fn new(origin: R::Vec3, dir: R::Vec3) -> Sheared<R> {
         let (x, y, z) = (dir.x().abs(), dir.y().abs(), dir.z().abs());
         let along_x = x.ge(y) & x.ge(z);
         let along = [along_x, !along_x & y.ge(z)];
-        let none = Yes::of(false);
-        let [kx, ky, kz] = turned(dir, along, none);
-        let swapped = kz.lt(Reals::of(0.0));
-        let (kx, ky) = (Reals::select(swapped, ky, kx), Reals::select(swapped, kx, ky));
-        let inverse = Reals::of(1.0) / kz;
+        let none = R::Mask::of(false);
+        let [kx, ky, kz] = turned::<R>(dir, along, none);
+        let swapped = kz.lt(R::of(0.0));
+        let (kx, ky) = (R::select(swapped, ky, kx), R::select(swapped, kx, ky));
+        let inverse = R::of(1.0) / kz;
         Sheared { origin, along, swapped, shear: [kx * inverse, ky * inverse, inverse] }
     }
 
     /// A corner relative to the rays' origins, sheared across them; along them not yet.
     #[inline(always)]
-    fn corner(&self, corner: Vectors) -> [Reals; 3] {
-        let [x, y, z] = turned(corner - self.origin, self.along, self.swapped);
+    fn corner(&self, corner: R::Vec3) -> [R; 3] {
+        let [x, y, z] = turned::<R>(corner - self.origin, self.along, self.swapped);
         [x - z * self.shear[0], y - z * self.shear[1], z]
     }
 
     #[inline(always)]
-    fn triangle<const ANY: bool>(&self, corners: [&[Row; 3]; 3], id: u32, usable: Yes, best: &mut Best) {
-        let zero = Reals::of(0.0);
-        let (a, b, c) = (loaded(corners[0]), loaded(corners[1]), loaded(corners[2]));
+    fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3], id: u32, usable: R::Mask, best: &mut Best<R>)
+    where
+        R: Lanes<N>,
+    {
+        let zero = R::of(0.0);
+        let [a, b, c] = corners;
+        let (a, b, c) = (*a, *b, *c);
         let (mut u, mut v, mut w) = (edge(c, b), edge(a, c), edge(b, a));
         let doubtful = Real::eq(u, zero) | Real::eq(v, zero) | Real::eq(w, zero);
         if doubtful.any() {
             let mut edges = [u.store(), v.store(), w.store()];
-            exact(&mut edges, corners, doubtful.bits());
-            (u, v, w) = (Reals::load(&edges[0]), Reals::load(&edges[1]), Reals::load(&edges[2]));
+            let sheared = [[a[0].store(), a[1].store()], [b[0].store(), b[1].store()], [c[0].store(), c[1].store()]];
+            exact(&mut edges, &sheared, doubtful.bits());
+            (u, v, w) = (R::load(&edges[0]), R::load(&edges[1]), R::load(&edges[2]));
         }
         let below = u.lt(zero) | v.lt(zero) | w.lt(zero);
         let above = u.gt(zero) | v.gt(zero) | w.gt(zero);
@@ -201,62 +221,56 @@ impl Sheared {
         let shear = self.shear[2];
         let t = (u * (a[2] * shear) + v * (b[2] * shear) + w * (c[2] * shear)) / det;
         let met = inside & t.gt(zero);
-        let weights = if ANY { [zero; 2] } else { [v / det, w / det] };
-        best.offer(met, t, weights, id);
+        best.offer(met, t, [v, w, det], id);
     }
 }
 
 /// The components by the axis along which the ray runs most, which is the last, and the two behind it, which may change
 /// places.
 #[inline(always)]
-fn turned(v: Vectors, [along_x, along_y]: [Yes; 2], swapped: Yes) -> [Reals; 3] {
+fn turned<R: Real>(v: R::Vec3, [along_x, along_y]: [R::Mask; 2], swapped: R::Mask) -> [R; 3] {
     let (x, y, z) = (v.x(), v.y(), v.z());
-    let last = Reals::select(along_x, x, Reals::select(along_y, y, z));
-    let first = Reals::select(along_x, y, Reals::select(along_y, z, x));
-    let second = Reals::select(along_x, z, Reals::select(along_y, x, y));
-    [Reals::select(swapped, second, first), Reals::select(swapped, first, second), last]
-}
-
-#[inline(always)]
-fn loaded([x, y, z]: &[Row; 3]) -> [Reals; 3] {
-    [Reals::load(x), Reals::load(y), Reals::load(z)]
+    let last = R::select(along_x, x, R::select(along_y, y, z));
+    let first = R::select(along_x, y, R::select(along_y, z, x));
+    let second = R::select(along_x, z, R::select(along_y, x, y));
+    [R::select(swapped, second, first), R::select(swapped, first, second), last]
 }
 
 /// Twice the area of the triangle between the ray and an edge, as seen along the ray.
 #[inline(always)]
-fn edge(p: [Reals; 3], q: [Reals; 3]) -> Reals {
+fn edge<R: Real>(p: [R; 3], q: [R; 3]) -> R {
     p[0] * q[1] - p[1] * q[0]
 }
 
 /// The edge functions in double precision, in the lanes whose bits are set.
 #[cold]
 #[inline(never)]
-fn exact(edges: &mut [Row; 3], [a, b, c]: [&[Row; 3]; 3], lanes: u32) {
+fn exact<const N: usize>(edges: &mut [[f32; N]; 3], [a, b, c]: &[[[f32; N]; 2]; 3], lanes: u32) {
     for lane in set(lanes) {
-        let edge = |p: &[Row; 3], q: &[Row; 3]| {
-            let at = |row: &Row| f64::from(row.0[lane]);
+        let edge = |p: &[[f32; N]; 2], q: &[[f32; N]; 2]| {
+            let at = |row: &[f32; N]| f64::from(row[lane]);
             (at(&p[0]) * at(&q[1]) - at(&p[1]) * at(&q[0])) as f32
         };
-        (edges[0].0[lane], edges[1].0[lane], edges[2].0[lane]) = (edge(c, b), edge(a, c), edge(b, a));
+        (edges[0][lane], edges[1][lane], edges[2][lane]) = (edge(c, b), edge(a, c), edge(b, a));
     }
 }
 
 /// Distances to a sphere; not above zero where it is not hit.
 #[inline(always)]
-fn sphere([origin, dir]: [Vectors; 2], center: Vectors, radius: f32) -> Reals {
-    let zero = Reals::of(0.0);
+fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32) -> R {
+    let zero = R::of(0.0);
     let f = origin - center;
     let b = -f.dot(dir);
     let nearest = f + dir * b;
-    let r2 = Reals::of(radius * radius);
+    let r2 = R::of(radius * radius);
     let discriminant = r2 - nearest.length_squared();
     let c = f.length_squared() - r2;
     let q = b + discriminant.sqrt().copysign(b);
     let (t0, t1) = (c / q, q);
     let first = t0.lt(t1);
-    let (near, far) = (Reals::select(first, t0, t1), Reals::select(first, t1, t0));
+    let (near, far) = (R::select(first, t0, t1), R::select(first, t1, t0));
     let missed = discriminant.lt(zero) | Real::eq(q, zero);
-    Reals::select(missed, zero, Reals::select(near.gt(zero), near, far))
+    R::select(missed, zero, R::select(near.gt(zero), near, far))
 }
 
 #[cfg(test)]
@@ -290,9 +304,12 @@ mod tests {
     /// area, or are slivers. All else is anywhere.
     #[test]
     fn rays_meet_together_what_they_meet_alone() {
-        if !std::arch::is_x86_feature_detected!("avx2") {
-            return;
+        for width in [Width::eight(), Width::sixteen()].into_iter().flatten() {
+            compare(width);
         }
+    }
+
+    fn compare(width: Width) {
         let mut i = 0;
         let mut next = || {
             i += 1;
@@ -309,7 +326,7 @@ mod tests {
             triangles.extend([triangles[2], triangles[3], [triangles[4][0]; 3]]);
             let ball = |center, radius| Sphere { center, radius, material: 0, emitter: NONE };
             let spheres = [ball(point(grid), 0.5), ball(point(grid), 1.0)];
-            let few = Few::new(&triangles, spheres.iter().map(|s| (s.center, s.radius)).collect());
+            let few = Few::new(width, &triangles, spheres.iter().map(|s| (s.center, s.radius)).collect());
             let mut rays: Vec<(Ray, f32)> = Vec::new();
             for k in 0..101 {
                 let (origin, to) = (point(grid && k % 3 != 0), point(grid && k % 3 != 1));

@@ -2,8 +2,7 @@
 
 use glam::Vec3;
 
-use super::{set, stored};
-use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Yes, transposed};
+use crate::math::lanes::{Lanes, Row, each, set};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::warp;
 use crate::scene::CompiledScene;
@@ -21,41 +20,43 @@ pub(super) struct Lamps {
 }
 
 /// In the place of a light that lanes do not know.
-const NOTHING: [Row; 2] = [Row([0.0; LANES]); 2];
+const NOTHING: [Row; 2] = [Row([0.0; 8]); 2];
 
 /// A light in each lane.
-pub(super) struct Chosen {
+pub(super) struct Chosen<R, const N: usize> {
     /// The rows of [`Lamps`], zeros for other lights.
-    pub rows: [[Reals; 8]; 2],
+    pub rows: [[R; 8]; 2],
     /// The indices of the lights.
-    pub light: [u32; LANES],
+    pub light: [u32; N],
     /// The probability of the choice.
-    pub chance: Reals,
+    pub chance: R,
     /// A bit for each lane with a light that lanes do not know.
     pub alone: u32,
 }
 
 /// Light that arrives, in each lane, not yet tested for shadow.
-pub(super) struct Direct {
+pub(super) struct Direct<R: Real, const N: usize> {
     /// Unit direction to the light.
-    pub wi: Vectors,
+    pub wi: R::Vec3,
     /// Radiance, or irradiance of a Dirac light.
-    pub radiance: Vectors,
+    pub radiance: R::Vec3,
     /// Density per solid angle, the choice of the light included; zero where nothing arrives, and else nothing counts.
-    pub density: Reals,
+    pub density: R,
     /// Whether no other technique can find this light.
-    pub delta: Yes,
+    pub delta: R::Mask,
+    /// Distance to it; says nothing where the light has no place.
+    pub distance: R,
     /// Position on the light.
-    pub at: Vectors,
+    pub at: R::Vec3,
     /// Unit normal there.
-    pub normal: Vectors,
+    pub normal: R::Vec3,
     /// Whether the light has no place.
-    pub endless: Yes,
+    pub endless: R::Mask,
     /// The index of the light, and the probability of its choice.
-    light: [u32; LANES],
-    chance: Reals,
+    light: [u32; N],
+    chance: R,
     /// The area of lights that lanes know; a bit for each lane with another one.
-    area: Reals,
+    area: R,
     alone: u32,
 }
 
@@ -75,13 +76,13 @@ impl Lamps {
 
     /// The lights that these numbers choose, in the lanes that want any.
     #[inline(always)]
-    pub fn choose(&self, context: &Context, choice: Reals, wanted: Yes) -> Chosen {
-        let choices = choice.store().0;
-        let (mut rows, mut chances) = ([&NOTHING; LANES], Row::default());
-        let (mut light, mut alone) = ([0; LANES], 0);
+    pub fn choose<R: Lanes<N>, const N: usize>(&self, context: &Context, choice: R, wanted: R::Mask) -> Chosen<R, N> {
+        let choices = choice.store();
+        let (mut rows, mut chances) = ([&NOTHING; N], [0.0; N]);
+        let (mut light, mut alone) = ([0; N], 0);
         for i in set(wanted.bits()) {
             if let Some((index, chance)) = context.lights.choose(choices[i]) {
-                chances.0[i] = chance;
+                chances[i] = chance;
                 light[i] = index;
                 match self.rows.get(index as usize).filter(|row| row[1].0[5] > 0.0) {
                     Some(row) => rows[i] = row,
@@ -89,44 +90,53 @@ impl Lamps {
                 }
             }
         }
-        let rows = [transposed(rows.map(|r| &r[0])), transposed(rows.map(|r| &r[1]))];
-        Chosen { rows, light, chance: Reals::load(&chances), alone }
+        let rows = [R::transposed(each(rows, |r| &r[0])), R::transposed(each(rows, |r| &r[1]))];
+        Chosen { rows, light, chance: R::load(&chances), alone }
     }
 
     /// Light that arrives at points from a light that these numbers choose, and from a point on it, in the lanes that want
     /// any: as `Lights::sample_direct` finds it.
     #[inline(always)]
-    pub fn direct(&self, context: &Context, from: Vectors, [choice, u, v]: [Reals; 3], wanted: Yes) -> Direct {
+    pub fn direct<R: Lanes<N>, const N: usize>(
+        &self,
+        context: &Context,
+        from: R::Vec3,
+        [choice, u, v]: [R; 3],
+        wanted: R::Mask,
+    ) -> Direct<R, N> {
         let Chosen { rows: [a, b], light, chance, alone } = self.choose(context, choice, wanted);
-        let corners = [Vectors::new(a[0], a[1], a[2]), Vectors::new(a[3], a[4], a[5]), Vectors::new(a[6], a[7], b[0])];
+        let corners = [R::Vec3::new(a[0], a[1], a[2]), R::Vec3::new(a[3], a[4], a[5]), R::Vec3::new(a[6], a[7], b[0])];
         let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u, v]));
-        let (wi, _, density) = area::seen(from, at, normal, b[1]);
-        let radiance = Vectors::new(b[2], b[3], b[4]);
-        let (delta, endless) = (Yes::of(false), Yes::of(false));
-        let mut direct = Direct { wi, radiance, density, delta, at, normal, endless, light, chance, area: b[1], alone };
+        let (wi, distance, density) = area::seen(from, at, normal, b[1]);
+        let radiance = R::Vec3::new(b[2], b[3], b[4]);
+        let (delta, endless) = (R::Mask::of(false), R::Mask::of(false));
+        let area = b[1];
+        let mut direct =
+            Direct { wi, radiance, density, delta, distance, at, normal, endless, light, chance, area, alone };
         if alone != 0 {
-            let from = [from.x().store().0, from.y().store().0, from.z().store().0];
-            let [found, end] = singles(context, alone, light, from, [u.store().0, v.store().0]);
-            direct = direct.or(b[5].gt(Reals::of(0.0)), transposed(found.each_ref()), transposed(end.each_ref()));
+            let from = [from.x().store(), from.y().store(), from.z().store()];
+            let [found, end] = singles(context, alone, light, from, [u.store(), v.store()]);
+            direct = direct.or(b[5].gt(R::of(0.0)), R::transposed(found.each_ref()), R::transposed(end.each_ref()));
         }
         Direct { density: direct.density * chance, ..direct }
     }
 }
 
-impl Direct {
+impl<R: Lanes<N>, const N: usize> Direct<R, N> {
     /// This where the mask is set, else what [`singles`] found.
     #[inline(always)]
-    fn or(self, known: Yes, light: [Reals; 8], end: [Reals; 8]) -> Direct {
-        let zero = Reals::of(0.0);
+    fn or(self, known: R::Mask, light: [R; 8], end: [R; 8]) -> Direct<R, N> {
+        let zero = R::of(0.0);
         let [x, y, z, r, g, b, density, delta] = light;
-        let [px, py, pz, nx, ny, nz, endless, _] = end;
+        let [px, py, pz, nx, ny, nz, endless, distance] = end;
         Direct {
-            wi: Vectors::select(known, self.wi, Vectors::new(x, y, z)),
-            radiance: Vectors::select(known, self.radiance, Vectors::new(r, g, b)),
-            density: Reals::select(known, self.density, density),
+            wi: R::Vec3::select(known, self.wi, R::Vec3::new(x, y, z)),
+            radiance: R::Vec3::select(known, self.radiance, R::Vec3::new(r, g, b)),
+            density: R::select(known, self.density, density),
             delta: !known & delta.gt(zero),
-            at: Vectors::select(known, self.at, Vectors::new(px, py, pz)),
-            normal: Vectors::select(known, self.normal, Vectors::new(nx, ny, nz)),
+            distance: R::select(known, self.distance, distance),
+            at: R::Vec3::select(known, self.at, R::Vec3::new(px, py, pz)),
+            normal: R::Vec3::select(known, self.normal, R::Vec3::new(nx, ny, nz)),
             endless: !known & endless.gt(zero),
             ..self
         }
@@ -134,16 +144,16 @@ impl Direct {
 
     /// What weights of bidirectional paths need of the light, where it is sampled from points with these normals.
     #[inline(always)]
-    pub fn ends(&self, context: &Context, from: [Vectors; 2]) -> LightEnd<Reals> {
+    pub fn ends(&self, context: &Context, from: [R::Vec3; 2]) -> LightEnd<R> {
         let (light, dir) = ([self.at, self.normal], -self.wi);
         let plain = plain_ends(light, from, dir, [self.chance, self.area]);
         if self.alone == 0 {
             return plain;
         }
-        let zero = Reals::of(0.0);
-        let mut points = [None; LANES];
+        let zero = R::of(0.0);
+        let mut points = [None; N];
         let places =
-            stored([light[0].x(), light[0].y(), light[0].z(), light[1].x(), light[1].y(), light[1].z(), zero, zero]);
+            R::stored([light[0].x(), light[0].y(), light[0].z(), light[1].x(), light[1].y(), light[1].z(), zero, zero]);
         for i in set(self.alone) {
             let [x, y, z, a, b, c, ..] = places[i].0;
             let (position, normal) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
@@ -157,13 +167,13 @@ impl Direct {
 /// What weights of bidirectional paths need of points of plain triangles, given by position and normal, and so the next
 /// vertices; of the directions to those, and of the probability and the area of each light.
 #[inline(always)]
-pub(super) fn plain_ends(
-    light: [Vectors; 2],
-    next: [Vectors; 2],
-    dir: Vectors,
-    [chance, area]: [Reals; 2],
-) -> LightEnd<Reals> {
-    let start_a = chance * (Reals::of(1.0) / area);
+pub(super) fn plain_ends<R: Real>(
+    light: [R::Vec3; 2],
+    next: [R::Vec3; 2],
+    dir: R::Vec3,
+    [chance, area]: [R; 2],
+) -> LightEnd<R> {
+    let start_a = chance * (R::of(1.0) / area);
     let dir_w = warp::cosine_hemisphere_pdf_w(light[1].dot(dir));
     let direct_w = chance * area::direct_w(next[0], light[0], light[1], area);
     LightEnd::on_surface(light, next, [start_a, dir_w, direct_w])
@@ -171,34 +181,34 @@ pub(super) fn plain_ends(
 
 /// The same where a light is known, and elsewhere what its point, if there is one, says by itself.
 #[inline(always)]
-pub(super) fn with_singles(
+pub(super) fn with_singles<R: Lanes<N>, const N: usize>(
     context: &Context,
-    plain: LightEnd<Reals>,
-    known: Yes,
-    points: &[Option<LightPoint>; LANES],
-    [next, n]: [Vectors; 2],
-    dir: Vectors,
-) -> LightEnd<Reals> {
-    let zero = Reals::of(0.0);
-    let nexts = stored([next.x(), next.y(), next.z(), n.x(), n.y(), n.z(), zero, zero]);
-    let dirs = stored([dir.x(), dir.y(), dir.z(), zero, zero, zero, zero, zero]);
+    plain: LightEnd<R>,
+    known: R::Mask,
+    points: &[Option<LightPoint>; N],
+    [next, n]: [R::Vec3; 2],
+    dir: R::Vec3,
+) -> LightEnd<R> {
+    let zero = R::of(0.0);
+    let nexts = R::stored([next.x(), next.y(), next.z(), n.x(), n.y(), n.z(), zero, zero]);
+    let dirs = R::stored([dir.x(), dir.y(), dir.z(), zero, zero, zero, zero, zero]);
     let [start, direct, next, back] = single_ends(context, points, &nexts, &dirs);
     LightEnd {
-        start: Doubles::select(known, plain.start, Doubles::load(&start)),
-        direct: Doubles::select(known, plain.direct, Doubles::load(&direct)),
-        next: Doubles::select(known, plain.next, Doubles::load(&next)),
-        back: Reals::select(known, plain.back, Doubles::load(&back).single()),
+        start: R::Double::select(known, plain.start, R::load_doubles(&start)),
+        direct: R::Double::select(known, plain.direct, R::load_doubles(&direct)),
+        next: R::Double::select(known, plain.next, R::load_doubles(&next)),
+        back: R::select(known, plain.back, R::load_doubles(&back).single()),
     }
 }
 
 /// [`LightEnd::new`] of each point, its four numbers in rows.
-fn single_ends(
+fn single_ends<const N: usize>(
     context: &Context,
-    points: &[Option<LightPoint>; LANES],
-    nexts: &[Row; LANES],
-    dirs: &[Row; LANES],
-) -> [[f64; LANES]; 4] {
-    let mut found = [[0.0; LANES]; 4];
+    points: &[Option<LightPoint>; N],
+    nexts: &[Row; N],
+    dirs: &[Row; N],
+) -> [[f64; N]; 4] {
+    let mut found = [[0.0; N]; 4];
     for (i, point) in points.iter().enumerate().filter_map(|(i, p)| Some((i, p.as_ref()?))) {
         let [x, y, z, a, b, c, ..] = nexts[i].0;
         let [u, v, w, ..] = dirs[i].0;
@@ -212,22 +222,23 @@ fn single_ends(
 }
 
 /// Light from sampled points in the lanes whose bits are set, one by one: rows of direction, radiance, density without the
-/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, and whether it has no place.
-fn singles(
+/// choice, and whether it is a Dirac light; and rows of the light's point, its normal, whether it has no place, and
+/// the distance.
+fn singles<const N: usize>(
     context: &Context,
     lanes: u32,
-    lights: [u32; LANES],
-    from: [[f32; LANES]; 3],
-    u: [[f32; LANES]; 2],
-) -> [[Row; LANES]; 2] {
-    let mut found = [[Row::default(); LANES]; 2];
+    lights: [u32; N],
+    from: [[f32; N]; 3],
+    u: [[f32; N]; 2],
+) -> [[Row; N]; 2] {
+    let mut found = [[Row::default(); N]; 2];
     for i in set(lanes) {
         let from = Vec3::new(from[0][i], from[1][i], from[2][i]);
         if let Some(s) = context.lights.sample_direct_from(context.scene, lights[i], from, [u[0][i], u[1][i]]) {
             let (w, c, p, n) = (s.wi, s.radiance, s.point.position, s.point.normal);
             let [delta, endless] = [s.delta, !s.distance.is_finite()].map(|yes| f32::from(u8::from(yes)));
             found[0][i] = Row([w.x, w.y, w.z, c.x, c.y, c.z, s.pdf_w, delta]);
-            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, 0.0]);
+            found[1][i] = Row([p.x, p.y, p.z, n.x, n.y, n.z, endless, s.distance]);
         }
     }
     found

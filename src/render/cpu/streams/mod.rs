@@ -1,5 +1,5 @@
-//! Many paths of `nee` or `bpt` together, a step of all of them before the next: eight at a time are shaded in the lanes
-//! of one vector, between steps sorted by what their surfaces need.
+//! Many paths of `nee` or `bpt` together, a step of all of them before the next: as many as a vector has lanes are shaded at a
+//! time, between steps sorted by what their surfaces need. That is sixteen with AVX-512, and eight with AVX2 alone.
 //!
 //! A tile is 256 samples, one after the other as the loop over pixels has them, which begin [in lanes](start). In each step
 //! their rays are traced one by one, as ever; those that met a surface which [lanes know](table) are gathered by its class
@@ -10,9 +10,13 @@
 //! of lanes, and every sample's light is added in the order of its path: so the film has the same bits, and a picture's
 //! identity does not know who made it. Tests hold both against each other.
 //!
+//! Films with a time axis want more: paths then have [clocks](clock), and what each of them finds is kept apart until the
+//! tile is through. All that is made for them is compiled apart, by the constant `TIMED`.
+//!
 //! [`nee`]: crate::transport::integrator::nee
 //! [`bpt`]: crate::transport::integrator::bpt
 
+mod clock;
 mod few;
 mod joined;
 mod lamps;
@@ -24,18 +28,21 @@ use std::ops::Range;
 
 use glam::Vec3;
 
+use self::clock::Clock;
 pub use self::few::Few;
 use self::table::Table;
 use super::accel::Accel;
+use super::brought::Brought;
 use super::lanes::Isa;
 use super::together::{self, alone};
-use crate::math::lanes::{LANES, Reals, Row, transposed};
+use crate::math::lanes::{Row, Width};
 use crate::render::Job;
 use crate::render::hierarchy::InLanes;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
-use crate::transport::integrator::nee::{Last, State, StepFn};
+use crate::transport::flight::Flight;
+use crate::transport::integrator::nee::{self, Last, State, StepFn, Timed, TimedStepFn};
 use crate::transport::integrator::{Context, bpt};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::{Independent, Sampler};
@@ -51,13 +58,20 @@ struct Kind {
     /// Whether vertices are joined to lights.
     joined: bool,
     /// The step of one path by itself; `None` where samples have [two paths](joined).
-    step: Option<StepFn>,
+    step: Option<Alone>,
+}
+
+/// The step of one path by itself, without a clock and with one.
+#[derive(Clone, Copy)]
+struct Alone {
+    plain: StepFn,
+    timed: TimedStepFn,
 }
 
 /// The kinds of [`together::INTEGRATORS`].
 const KINDS: [Kind; together::INTEGRATORS.len()] = [
-    Kind { joined: true, step: Some(State::step) },
-    Kind { joined: false, step: Some(bpt::step) },
+    Kind { joined: true, step: Some(Alone { plain: State::step, timed: nee::timed_step }) },
+    Kind { joined: false, step: Some(Alone { plain: bpt::step, timed: bpt::timed_step }) },
     Kind { joined: true, step: None },
 ];
 
@@ -66,7 +80,7 @@ type Named = (u32, u64);
 
 /// What is known of a scene before its rays are.
 pub struct Streams {
-    step: Option<StepFn>,
+    step: Option<Alone>,
     table: Table,
     few: Option<Few>,
 }
@@ -88,12 +102,28 @@ struct Waiting {
     path: u32,
 }
 
+/// Light that a path has found, and the optical length of the whole path.
+#[derive(Clone, Copy, Debug, Default)]
+struct Found {
+    path: u32,
+    value: Vec3,
+    length: f64,
+}
+
 /// The paths of a tile, and who of them is where.
 #[derive(Default)]
 struct Tile {
     records: Vec<Record>,
+    /// Those of all paths, where there is a time axis.
+    clocks: Vec<Clock>,
     values: Vec<Vec3>,
     waiting: Vec<Waiting>,
+    /// When what waits arrives, where there is a time axis.
+    lengths: Vec<f64>,
+    /// What makes up the values, where there is a time axis, of each path in the order of its steps.
+    found: Vec<Found>,
+    /// The same path by path.
+    by_path: Vec<Found>,
     next: Vec<u32>,
     rays: Vec<(Ray, f32)>,
     hits: Vec<Option<Hit>>,
@@ -148,12 +178,6 @@ fn put_hit(row: &mut Row, hit: &Hit) {
     row.0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
 }
 
-/// So many of a group as there are lanes. Lanes that have none do again what the first has, for nothing.
-#[inline(always)]
-fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
-    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
-}
-
 impl Streams {
     /// For a job that wants it and [can be done so](alone), in a scene where neither parts of materials nor overhangs matter, on
     /// a processor with AVX2. `None` for all others, where no surface would gain, and, unless lanes are asked for, where some
@@ -165,16 +189,20 @@ impl Streams {
             InLanes::Auto => table::knows_all(scene),
             InLanes::Always => true,
         };
-        let (layered, timed) = (!job.layers.is_empty(), job.timing.is_some());
-        let plain = alone(job.integrator, &job.params, job.sampler, layered, timed).is_none()
+        let plain = alone(job.integrator, &job.params, job.sampler, !job.layers.is_empty()).is_none()
             && scene.delays.is_empty()
             && !scene.materials.iter().any(|m| m.shadow_terminator);
-        if !wanted || !plain || accel.isa() != Isa::Avx2 {
+        if !wanted || !plain {
             return None;
         }
+        let width = match accel.isa() {
+            Isa::Portable => None,
+            Isa::Avx2 => Width::eight(),
+            Isa::Avx512 => Width::sixteen(),
+        }?;
         let pairs = kind.step.is_none();
-        let table = Table::of(scene, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
-        table.map(|table| Streams { step: kind.step, table, few: Few::of(scene, accel) })
+        let table = Table::of(scene, width, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
+        table.map(|table| Streams { step: kind.step, table, few: Few::of(scene, accel, width) })
     }
 
     /// What traces many rays at once, if anything does.
@@ -183,22 +211,36 @@ impl Streams {
     }
 
     /// Some samples of all pixels of row `y`. What they bring is handed over with their column and index: first all that is
-    /// for other pixels, which are named, and then what is for their own, in the order of the loops.
+    /// for other pixels, and then what is for their own, in the order of the loops.
     pub fn row(
         &self,
         context: &Context,
         job: &Job,
         y: u32,
         samples: Range<u64>,
-        mut done: impl FnMut(u32, u64, Option<[u32; 2]>, Vec3),
+        done: impl FnMut(u32, u64, Brought, Vec3),
+    ) {
+        match context.timing {
+            None => self.row_of::<false>(context, job, y, samples, done),
+            Some(_) => self.row_of::<true>(context, job, y, samples, done),
+        }
+    }
+
+    fn row_of<const TIMED: bool>(
+        &self,
+        context: &Context,
+        job: &Job,
+        y: u32,
+        samples: Range<u64>,
+        mut done: impl FnMut(u32, u64, Brought, Vec3),
     ) {
         let (mut tile, mut pairs) = (Tile::default(), joined::Tile::default());
         let size = if self.step.is_some() { TILE } else { joined::TILE };
         let mut named: Vec<Named> = Vec::with_capacity(size);
         let mut render = |named: &mut Vec<Named>| {
             match self.step {
-                Some(step) => self.tile(step, context, job, y, named, &mut tile, &mut done),
-                None => joined::tile(&self.table, context, job, y, named, &mut pairs, &mut done),
+                Some(step) => self.tile::<TIMED>(step, context, job, y, named, &mut tile, &mut done),
+                None => joined::tile::<TIMED>(&self.table, context, job, y, named, &mut pairs, &mut done),
             }
             named.clear();
         };
@@ -214,27 +256,34 @@ impl Streams {
     }
 
     #[expect(clippy::too_many_arguments, reason = "a tile is all of them")]
-    fn tile(
+    fn tile<const TIMED: bool>(
         &self,
-        step: StepFn,
+        step: Alone,
         context: &Context,
         job: &Job,
         y: u32,
         named: &[Named],
         tile: &mut Tile,
-        done: &mut impl FnMut(u32, u64, Option<[u32; 2]>, Vec3),
+        done: &mut impl FnMut(u32, u64, Brought, Vec3),
     ) {
         tile.records.clear();
-        start::begin(job, context.camera, y, named, &mut tile.records);
+        start::begin(self.table.width, job, context.camera, y, named, &mut tile.records);
         tile.values.clear();
         tile.values.resize(tile.records.len(), Vec3::ZERO);
-        self.paths(step, context, named, y, tile);
-        for ((x, sample), value) in named.iter().zip(&tile.values) {
-            done(*x, *sample, None, *value);
+        if TIMED {
+            tile.clocks.clear();
+            let clock = |record: &Record| Clock::of_camera(context, clock::emitted(context, record));
+            tile.clocks.extend(tile.records.iter().map(clock));
+            tile.found.clear();
         }
+        self.paths::<TIMED>(step, context, named, y, tile);
+        if TIMED {
+            by_path(&tile.found, tile.records.len(), &mut tile.by_path);
+        }
+        hand_over::<TIMED>(named, &tile.values, &tile.by_path, done);
     }
 
-    fn paths(&self, step: StepFn, context: &Context, named: &[Named], y: u32, tile: &mut Tile) {
+    fn paths<const TIMED: bool>(&self, step: Alone, context: &Context, named: &[Named], y: u32, tile: &mut Tile) {
         let mut active: Vec<u32> = (0..tile.records.len() as u32).collect();
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); self.table.classes()];
         for depth in 1..=context.max_depth {
@@ -252,12 +301,20 @@ impl Streams {
                     lists[class].push(path);
                 } else if brings_nothing(context, depth, hit) {
                     continue;
-                } else if by_itself(step, context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
-                    tile.next.push(path);
+                } else {
+                    let pixel = [named[path as usize].0, y];
+                    let goes_on = if TIMED {
+                        by_itself_timed(step.timed, context, pixel, depth, hit, path as usize, tile)
+                    } else {
+                        by_itself(step.plain, context, pixel, depth, hit, path as usize, tile)
+                    };
+                    if goes_on {
+                        tile.next.push(path);
+                    }
                 }
             }
             for (class, list) in lists.iter_mut().enumerate() {
-                self.table.shade(class, context, depth, list, tile);
+                self.table.shade::<TIMED>(class, context, depth, list, tile);
                 list.clear();
             }
             tile.rays.clear();
@@ -266,11 +323,16 @@ impl Streams {
             tile.hidden.clear();
             context.trace.occluded_each(&tile.rays, &mut tile.hidden);
             let mut hidden = tile.hidden.iter();
-            for light in tile.waiting.drain(..) {
+            for (i, light) in tile.waiting.drain(..).enumerate() {
                 if light.distance <= 0.0 || hidden.next() == Some(&false) {
-                    tile.values[light.path as usize] += light.value;
+                    let Waiting { path, value, .. } = light;
+                    tile.values[path as usize] += value;
+                    if TIMED {
+                        tile.found.push(Found { path, value, length: tile.lengths[i] });
+                    }
                 }
             }
+            tile.lengths.clear();
             std::mem::swap(&mut active, &mut tile.next);
         }
     }
@@ -300,6 +362,76 @@ fn by_itself(
     goes_on
 }
 
+/// The same with the path's clock.
+fn by_itself_timed(
+    step: TimedStepFn,
+    context: &Context,
+    pixel: [u32; 2],
+    depth: u32,
+    hit: Option<Hit>,
+    path: usize,
+    tile: &mut Tile,
+) -> bool {
+    let record = &mut tile.records[path];
+    let [_, x, y, z, ..] = record.rows[1].0;
+    let from = if depth == 1 { record.ray().origin } else { Vec3::new(x, y, z) };
+    let flight = Flight::resumed(context, tile.clocks[path].stamp(), from, !clock::counts(context, depth));
+    let mut timed = Timed { state: record.state(), flight };
+    let mut sampler = Sampler::Independent(record.numbers());
+    let (value, found) = (&mut tile.values[path], &mut tile.found);
+    let mut sink = |c: Contribution| {
+        *value += c.value;
+        found.push(Found { path: path as u32, value: c.value, length: c.length });
+    };
+    let goes_on = step(&mut timed, context, pixel, &mut sampler, &mut sink, depth, hit);
+    if let Sampler::Independent(numbers) = &sampler
+        && goes_on
+    {
+        record.put(&timed.state, numbers.taken());
+        record.rows[1].0[1..4].copy_from_slice(&timed.flight.from().to_array());
+        tile.clocks[path] = Clock::new(&timed.flight.stamp());
+    }
+    goes_on
+}
+
+/// Sorts what so many paths have found by paths, and leaves the order of what each has found as it is.
+fn by_path(found: &[Found], paths: usize, sorted: &mut Vec<Found>) {
+    let mut places = vec![0; paths];
+    for part in found {
+        places[part.path as usize] += 1;
+    }
+    let mut sum = 0;
+    for place in &mut places {
+        sum += std::mem::replace(place, sum);
+    }
+    sorted.resize(found.len(), Found::default());
+    for part in found {
+        let place = &mut places[part.path as usize];
+        sorted[*place] = *part;
+        *place += 1;
+    }
+}
+
+/// Hands over what samples bring to their own pixels: the values, and, where there is a time axis, what each of them was
+/// found as, in the same order.
+#[inline]
+fn hand_over<const TIMED: bool>(
+    named: &[Named],
+    values: &[Vec3],
+    found: &[Found],
+    done: &mut impl FnMut(u32, u64, Brought, Vec3),
+) {
+    let mut parts = found.iter().peekable();
+    for (path, ((x, sample), value)) in named.iter().zip(values).enumerate() {
+        if TIMED {
+            while let Some(part) = parts.next_if(|part| part.path as usize == path) {
+                done(*x, *sample, Brought::Part(part.length), part.value);
+            }
+        }
+        done(*x, *sample, Brought::Whole, *value);
+    }
+}
+
 /// Whether a step would end the path without any light: known without making it.
 #[inline]
 fn brings_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
@@ -307,28 +439,4 @@ fn brings_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
         Some(hit) => depth == context.max_depth && context.scene.emitter_of(hit.primitive, hit.instance) == NONE,
         None => context.scene.environment.is_none(),
     }
-}
-
-/// What a function makes of each lane. Unlike `map` of arrays it is always inlined.
-#[inline(always)]
-fn each<T, U>([a, b, c, d, e, f, g, h]: [T; LANES], of: impl Fn(T) -> U) -> [U; LANES] {
-    [of(a), of(b), of(c), of(d), of(e), of(f), of(g), of(h)]
-}
-
-/// Eight numbers of each lane in a row of its own.
-#[inline(always)]
-fn stored([a, b, c, d, e, f, g, h]: [Reals; 8]) -> [Row; LANES] {
-    let rows = [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()];
-    let [a, b, c, d, e, f, g, h] = transposed(rows.each_ref());
-    [a.store(), b.store(), c.store(), d.store(), e.store(), f.store(), g.store(), h.store()]
-}
-
-/// The lanes whose bits are set.
-#[inline(always)]
-fn set(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < LANES).then_some(lane)
-    })
 }

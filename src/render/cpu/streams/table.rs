@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use glam::Vec3;
+
 use super::Tile;
 use super::lamps::Lamps;
 use super::shade;
-use crate::math::lanes::Row;
+use crate::math::lanes::{Row, Width};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{Material, Model, NONE};
 use crate::transport::bsdf::disney::Disney;
@@ -14,14 +16,17 @@ use crate::transport::integrator::Context;
 /// In the place of a class.
 const ALONE: u8 = u8::MAX;
 
-/// Surfaces of the model `disney` without textures, which do not shine, and whose highlights are round. They are sorted into
-/// classes: those of one have the same lobes, so that lanes seldom wait for each other.
+/// Surfaces of the model `disney` without textures, which do not shine, and whose highlights are round, and such of the model
+/// `lambert` as are nothing but diffuse. They are sorted into classes: those of one have the same lobes, so that lanes seldom
+/// wait for each other.
 pub(super) struct Table {
+    /// How many lanes there are.
+    pub(super) width: Width,
     /// Of every primitive, its class.
     class_of: Vec<u8>,
     /// Of every primitive, its row of `rows`.
     pub(super) row_of: Vec<u32>,
-    /// The BSDF of every material, as [`shade::rows_of`] writes it.
+    /// The BSDF of every material, as [`shade::rows_of`] or [`shade::rows_of_lambert`] writes it.
     pub(super) rows: Vec<[Row; 3]>,
     /// Of every class, what its surfaces have in common.
     common: Vec<Common>,
@@ -30,10 +35,12 @@ pub(super) struct Table {
 }
 
 /// What the surfaces of a class have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Common {
     /// Whether they are spheres.
     pub sphere: bool,
+    /// Whether they are Lambert surfaces; then nothing of lobes is said.
+    pub lambert: bool,
     /// Whether microfacets are Dirac lobes.
     pub smooth: bool,
     /// Whether there is a tinted reflectance.
@@ -46,23 +53,47 @@ pub(super) struct Common {
     lobes: [bool; 6],
 }
 
+/// The BSDF of a surface that lanes know.
+enum Known {
+    Disney(Disney),
+    /// This is its albedo.
+    Lambert(Vec3),
+}
+
+impl Known {
+    fn rows(&self) -> [Row; 3] {
+        match self {
+            Known::Disney(d) => shade::rows_of(d),
+            Known::Lambert(albedo) => shade::rows_of_lambert(*albedo),
+        }
+    }
+}
+
 impl Common {
-    fn of(d: &Disney, sphere: bool, joined: bool) -> Common {
+    fn of(known: &Known, sphere: bool, joined: bool) -> Common {
+        match known {
+            Known::Disney(d) => Common::of_disney(d, sphere, joined),
+            Known::Lambert(_) => Common { sphere, lambert: true, joined, ..Common::default() },
+        }
+    }
+
+    fn of_disney(d: &Disney, sphere: bool, joined: bool) -> Common {
         let weights = [d.opaque, d.metallic, d.refractive, d.coat.strength, d.diffuse.subsurface];
         let [a, b, c, e, f] = weights.map(|w| w > 0.0);
         Common {
             sphere,
+            lambert: false,
             smooth: d.smooth,
             tinted: d.tinted_f0.is_some(),
             joined: joined && d.has_density(),
             smooth_glass: d.smooth_glass(),
-            lobes: [a, b, c, e, f, d.diffuse.sheen != glam::Vec3::ZERO],
+            lobes: [a, b, c, e, f, d.diffuse.sheen != Vec3::ZERO],
         }
     }
 }
 
 /// The BSDF of a material wherever it is met, if lanes know it.
-fn known(scene: &CompiledScene, m: &Material) -> Option<Disney> {
+fn known(scene: &CompiledScene, m: &Material) -> Option<Known> {
     let textures = [
         m.base_color_texture,
         m.roughness_texture,
@@ -71,10 +102,14 @@ fn known(scene: &CompiledScene, m: &Material) -> Option<Disney> {
         m.normal_texture,
         m.bump_texture,
     ];
-    let plain = m.model == Model::Disney && textures == [NONE; 6] && m.anisotropic == 0.0 && scene.colors.is_empty();
+    let plain = textures == [NONE; 6] && m.anisotropic == 0.0 && scene.colors.is_empty();
     let dielectric = 1.0 - m.metallic;
     let mix = [dielectric * m.opacity, m.metallic, dielectric * (1.0 - m.opacity)];
-    plain.then(|| Disney::new(m, m.base_color, m.roughness, mix))
+    match m.model {
+        Model::Disney if plain => Some(Known::Disney(Disney::new(m, m.base_color, m.roughness, mix))),
+        Model::Lambert if plain && mix == [1.0, 0.0, 0.0] => Some(Known::Lambert(m.base_color)),
+        _ => None,
+    }
 }
 
 /// Whether lanes know every surface, whoever's paths meet it, but for lamps that end them.
@@ -95,8 +130,8 @@ fn ends(scene: &CompiledScene, primitive: u32, material: usize) -> bool {
 impl Table {
     /// Of a scene, for paths whose vertices are joined to lights or not, without surfaces that shine or with those that
     /// reflect as well; `None` where lanes know none of its surfaces.
-    pub fn of(scene: &CompiledScene, joined: bool, shining: bool) -> Option<Table> {
-        let known: Vec<Option<Disney>> = scene.materials.iter().map(|m| known(scene, m)).collect();
+    pub fn of(scene: &CompiledScene, width: Width, joined: bool, shining: bool) -> Option<Table> {
+        let known: Vec<Option<Known>> = scene.materials.iter().map(|m| known(scene, m)).collect();
         let mut classes: BTreeMap<Common, u8> = BTreeMap::new();
         let mut class_of = vec![ALONE; scene.primitive_count()];
         let mut row_of = vec![0; scene.primitive_count()];
@@ -106,21 +141,21 @@ impl Table {
             let row = scene.material_of(primitive, NONE);
             let shines = scene.emitter_of(primitive, NONE) != NONE;
             let reflects = shining && scene.materials[row as usize].emitter_reflects;
-            if let Some(disney) = known[row as usize].as_ref().filter(|_| !shines || reflects) {
+            if let Some(known) = known[row as usize].as_ref().filter(|_| !shines || reflects) {
                 let next = classes.len() as u8;
-                let common = Common::of(disney, i >= scene.triangles.len(), joined);
+                let common = Common::of(known, i >= scene.triangles.len(), joined);
                 if next < ALONE || classes.contains_key(&common) {
                     class_of[i] = *classes.entry(common).or_insert(next);
                     row_of[i] = row;
                 }
             }
         }
-        let rows = known.iter().map(|d| d.as_ref().map_or([Row::default(); 3], shade::rows_of)).collect();
+        let rows = known.iter().map(|k| k.as_ref().map_or([Row::default(); 3], Known::rows)).collect();
         let mut common: Vec<(u8, Common)> = classes.into_iter().map(|(common, class)| (class, common)).collect();
         common.sort_unstable_by_key(|(class, _)| *class);
         let common: Vec<Common> = common.into_iter().map(|(_, common)| common).collect();
         let lamps = if joined { Lamps::of(scene) } else { Lamps::default() };
-        (!common.is_empty()).then_some(Table { class_of, row_of, rows, common, lamps })
+        (!common.is_empty()).then_some(Table { width, class_of, row_of, rows, common, lamps })
     }
 
     /// Whether lanes know every surface that a path can meet and go on: all but lamps that end it.
@@ -149,9 +184,16 @@ impl Table {
     }
 
     /// The step of paths that have met surfaces of one class.
-    pub fn shade(&self, class: usize, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
+    pub fn shade<const TIMED: bool>(
+        &self,
+        class: usize,
+        context: &Context,
+        depth: u32,
+        paths: &[u32],
+        tile: &mut Tile,
+    ) {
         if !paths.is_empty() {
-            shade::step(self, self.common[class], context, depth, paths, tile);
+            shade::step::<TIMED>(self, self.common[class], context, depth, paths, tile);
         }
     }
 }

@@ -134,9 +134,9 @@ pub fn ends(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<C
         return None;
     }
     let length = if context.timing.is_some() {
-        let index = z.stamp.index * z.bsdf.index_ratio(z.out.wo, wi);
-        let near = z.stamp.onward(&z.bsdf, z.out.wo, wi, distance2.sqrt());
-        near + y.stamp.of_light(&y.bsdf, y.out.wo, -wi, index)
+        let ratio = z.bsdf.index_ratio(z.out.wo, wi);
+        let near = z.stamp.onward(ratio, distance2.sqrt());
+        near + y.stamp.of_light(y.bsdf.index_ratio(y.out.wo, -wi), z.stamp.index * ratio)
     } else {
         0.0
     };
@@ -164,7 +164,7 @@ pub fn lens(
     let others = others_of_lens(h, &y.side(), &at_y, [c.pdf_w, spread]);
     let length = context.timing.map_or(0.0, |timing| {
         let last = if timing.camera { timing.medium * c.distance } else { 0.0 };
-        f64::from(emitted) + f64::from(last) + y.stamp.of_light(&y.bsdf, y.out.wo, -c.dir, timing.medium)
+        f64::from(emitted) + f64::from(last) + y.stamp.of_light(y.bsdf.index_ratio(y.out.wo, -c.dir), timing.medium)
     });
     Some((Connection { unweighted, others, point: None, wi: c.dir, length }, c))
 }

@@ -13,11 +13,14 @@ use glam::Vec3;
 
 use self::connect::Lists;
 use self::start::Starts;
+use super::clock::{self, Clock};
 use super::table::Table;
-use super::{Named, Record, numbers_in, put_hit, ray_in};
+use super::{Found, Named, Record, hand_over, numbers_in, put_hit, ray_in};
 use crate::math::lanes::Row;
 use crate::render::Job;
+use crate::render::cpu::brought::Brought;
 use crate::scene::compile::NONE;
+use crate::transport::flight::{Flight, Stamp};
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::connect::{Connection, escape, met};
 use crate::transport::integrator::bdpt::subpath::{Edge, Escape, Origin};
@@ -29,12 +32,14 @@ use crate::transport::sampler::Independent;
 /// Samples of a tile.
 pub(super) const TILE: usize = 128;
 
-/// What all subpaths share.
+/// What all subpaths share; `TIMED` where the film has a time axis.
 #[derive(Clone, Copy)]
-struct Work<'a> {
+struct Work<'a, const TIMED: bool> {
     table: &'a Table,
     context: &'a Context<'a>,
     h: Heuristic,
+    /// When the light of each sample was emitted, where there is a time axis.
+    emitted: &'a [f32],
 }
 
 /// A subpath between two of its vertices. In rows: its ray and what it carries; what the ray left, by position and normal,
@@ -49,7 +54,7 @@ struct Walker {
 }
 
 /// A vertex of a subpath. In rows: position, geometric normal, the factor of the way back, and the row of its material;
-/// shading normal, direction to the vertex before, what the path carries; the rest of that.
+/// shading normal, direction to the vertex before, what the path carries; the rest of that, and a [clock](Clock).
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 struct Node {
@@ -67,6 +72,8 @@ struct Node {
 #[derive(Default)]
 struct Subpaths {
     walkers: Vec<Walker>,
+    /// Of every path, where there is a time axis.
+    clocks: Vec<Clock>,
     nodes: Vec<Node>,
     /// Of every path its first and its last vertex, or [`NONE`].
     ends: Vec<[u32; 2]>,
@@ -81,9 +88,19 @@ pub(super) struct Tile {
     camera: Subpaths,
     light: Subpaths,
     starts: Starts,
-    /// Light from outside that camera subpaths met, weighted.
-    escaped: Vec<Vec3>,
+    emitted: Vec<f32>,
+    /// Light from outside that camera subpaths met, weighted, and when it arrives.
+    escaped: Vec<(Vec3, f64)>,
     lists: Lists,
+    own: Own,
+}
+
+/// What samples bring to their own pixels.
+#[derive(Default)]
+struct Own {
+    values: Vec<Vec3>,
+    /// What those are made up of, where there is a time axis, in the order of the samples and of their sums.
+    found: Vec<Found>,
 }
 
 impl Walker {
@@ -144,28 +161,58 @@ impl Subpaths {
     }
 }
 
-impl Work<'_> {
+impl Node {
+    /// The row of its material.
+    #[inline]
+    fn material(&self) -> usize {
+        self.rows[0].0[7].to_bits() as usize
+    }
+
+    /// When the path is here, where there is a time axis.
+    fn stamp(&self) -> Stamp {
+        let [_, path, late, index, ..] = self.rows[2].0;
+        Stamp { path, late, delay: 0.0, index }
+    }
+
+    /// Sets [`Node::stamp`].
+    fn set_stamp(&mut self, clock: &Row) {
+        self.rows[2].0[1..4].copy_from_slice(&clock.0[..3]);
+    }
+}
+
+impl<const TIMED: bool> Work<'_, TIMED> {
     /// The light of a connection, weighted.
     fn weighted(&self, found: Option<Connection>) -> Vec3 {
         found.map_or(Vec3::ZERO, |c| c.unweighted * c.weight(self.context.settings) as f32)
     }
 
-    /// Light from outside that a subpath has found, as camera vertex number `t`.
-    fn escaped(&self, walker: &Walker, t: u32) -> Vec3 {
-        if self.context.scene.environment.is_none() || !self.context.settings.wants(0, t) {
-            return Vec3::ZERO;
-        }
-        let left = Escape { edge: walker.edge(), throughput: walker.throughput(), length: 0.0 };
-        self.weighted(escape(self.context, self.h, &left, t))
+    /// The clock of a camera subpath whose edge number `edge` is on its way.
+    fn flight(&self, walker: &Walker, clock: &Clock, edge: u32) -> Flight<'_, true> {
+        let free = !clock::counts(self.context, edge);
+        Flight::resumed(self.context, clock.stamp(), walker.edge().from, free)
     }
 
-    /// Light of a surface that a subpath has met, as camera vertex number `t`.
-    fn met(&self, walker: &Walker, hit: &Hit, t: u32) -> Vec3 {
-        let Work { context, h, .. } = *self;
-        if context.scene.emitter_of(hit.primitive, NONE) == NONE || !context.settings.wants(0, t) {
-            return Vec3::ZERO;
+    /// Light from outside that edge number `edge` of camera subpath `path` has found, and when it arrives.
+    fn escaped(&self, camera: &Subpaths, path: usize, edge: u32) -> (Vec3, f64) {
+        let context = self.context;
+        if context.scene.environment.is_none() || !context.settings.wants(0, edge + 1) {
+            return (Vec3::ZERO, 0.0);
         }
-        self.weighted(met(context, h, &walker.edge(), &walker.ray(), hit, walker.throughput(), t))
+        let walker = &camera.walkers[path];
+        let leaves = || self.flight(walker, &camera.clocks[path], edge).escaped(context, walker.ray().dir);
+        let length = if TIMED { leaves() } else { 0.0 };
+        let left = Escape { edge: walker.edge(), throughput: walker.throughput(), length };
+        (self.weighted(escape(context, self.h, &left, edge + 1)), length)
+    }
+
+    /// Light of a surface that edge number `edge` of a camera subpath has met, and where.
+    fn met(&self, walker: &Walker, hit: &Hit, edge: u32) -> Option<(Vec3, Vec3)> {
+        let Work { context, h, .. } = *self;
+        if context.scene.emitter_of(hit.primitive, NONE) == NONE || !context.settings.wants(0, edge + 1) {
+            return None;
+        }
+        let found = met(context, h, &walker.edge(), &walker.ray(), hit, walker.throughput(), edge + 1)?;
+        Some((self.weighted(Some(found)), found.point?.position))
     }
 
     /// The camera subpath of a sample, before its first edge.
@@ -180,34 +227,44 @@ impl Work<'_> {
 }
 
 /// All samples that are named, of row `y`: what each brings to its own pixel, and what to others, `done` is told.
-pub(super) fn tile(
+pub(super) fn tile<const TIMED: bool>(
     table: &Table,
     context: &Context,
     job: &Job,
     y: u32,
     named: &[Named],
     tile: &mut Tile,
-    done: &mut impl FnMut(u32, u64, Option<[u32; 2]>, Vec3),
+    done: &mut impl FnMut(u32, u64, Brought, Vec3),
 ) {
-    let work = Work { table, context, h: context.settings.heuristic() };
-    let Tile { records, camera, light, starts, escaped, lists } = tile;
+    let Tile { records, camera, light, starts, emitted, escaped, lists, own } = tile;
     records.clear();
-    super::start::begin(job, context.camera, y, named, records);
+    super::start::begin(table.width, job, context.camera, y, named, records);
+    emitted.clear();
+    camera.clocks.clear();
+    light.clocks.clear();
+    if TIMED {
+        emitted.extend(records.iter().map(|record| clock::emitted(context, record)));
+        camera.clocks.extend(emitted.iter().map(|emitted| Clock::of_camera(context, *emitted)));
+        light.clocks.resize(records.len(), Clock::new(&Stamp { index: 1.0, ..Stamp::default() }));
+    }
+    let work = Work::<TIMED> { table, context, h: context.settings.heuristic(), emitted };
     camera.reset(records.len());
     camera.walkers.clear();
     camera.walkers.extend(records.iter().map(|record| work.camera(record)));
     camera.active.extend(0..records.len() as u32);
     escaped.clear();
-    escaped.resize(records.len(), Vec3::ZERO);
-    walk::all::<false>(&work, camera, context.max_depth, &[], escaped);
+    escaped.resize(records.len(), (Vec3::ZERO, 0.0));
+    walk::all::<false, TIMED>(&work, camera, context.max_depth, &[], escaped);
     light.reset(records.len());
     starts.begin(&work, camera, light);
-    walk::all::<true>(&work, light, context.max_depth.saturating_sub(1), &starts.of, escaped);
+    walk::all::<true, TIMED>(&work, light, context.max_depth.saturating_sub(1), &starts.of, escaped);
     lists.reset(table.classes());
-    let mut values = vec![Vec3::ZERO; records.len()];
-    let mut splat = |path: u32, pixel: [u32; 2], value: Vec3| {
+    own.values.clear();
+    own.values.resize(records.len(), Vec3::ZERO);
+    own.found.clear();
+    let mut splat = |path: u32, pixel: [u32; 2], value: Vec3, length: f64| {
         let (x, sample) = named[path as usize];
-        done(x, sample, Some(pixel), value);
+        done(x, sample, Brought::Elsewhere(pixel, length), value);
     };
     for (path, escaped) in escaped.iter().enumerate() {
         let mut taken = lists.own(&work, path, [&*light, &*camera], *escaped);
@@ -216,12 +273,10 @@ pub(super) fn tile(
         }
         lists.lens(&work, path, light, taken);
         if lists.are_full() {
-            lists.make(&work, light, camera, &mut values, &mut splat);
+            lists.make(&work, [light, camera], own, &mut splat);
         }
     }
     starts.see(&work, light, &mut lists.waiting, &mut splat);
-    lists.make(&work, light, camera, &mut values, &mut splat);
-    for ((x, sample), value) in named.iter().zip(values) {
-        done(*x, *sample, None, value);
-    }
+    lists.make(&work, [light, camera], own, &mut splat);
+    hand_over::<TIMED>(named, &own.values, &own.found, done);
 }

@@ -5,12 +5,11 @@ use glam::Vec3;
 
 use super::connect::{Splat, To, Waiting, keys, words};
 use super::{Subpaths, Walker, Work};
-use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
-use crate::math::real::{Double, Mask, Real, Vector, Word};
+use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
+use crate::math::real::{Double, Mask, Vector, Word};
 use crate::math::{Frame, warp};
 use crate::render::cpu::streams::lamps::{Chosen, plain_ends};
 use crate::render::cpu::streams::shade::shadow_rays;
-use crate::render::cpu::streams::{each, filled, set, stored};
 use crate::transport::integrator::bdpt::connect::seen;
 use crate::transport::integrator::bdpt::weights::others_of_seen;
 use crate::transport::light::{EmissionSample, area};
@@ -49,7 +48,7 @@ pub(super) struct Starts {
 
 impl Starts {
     /// Starts the light subpaths of samples whose camera subpaths have ended; those that have an edge are then active.
-    pub fn begin(&mut self, work: &Work, camera: &Subpaths, light: &mut Subpaths) {
+    pub fn begin<const TIMED: bool>(&mut self, work: &Work<TIMED>, camera: &Subpaths, light: &mut Subpaths) {
         self.sights.clear();
         self.of.clear();
         self.of.resize(camera.walkers.len(), Start::None);
@@ -58,46 +57,41 @@ impl Starts {
         if work.context.max_depth == 0 {
             return;
         }
-        #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
-        // SAFETY: streams are made only where the processor has AVX2.
-        unsafe {
-            self.begin_avx2(work, light);
-        }
+        work.table.width.run(Begin { starts: self, work, light });
         if work.context.max_depth == 1 {
             light.active.clear();
         }
     }
 
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn begin_avx2(&mut self, work: &Work, light: &mut Subpaths) {
-        let paths: Vec<u32> = (0..self.of.len() as u32).collect();
-        for group in paths.chunks(LANES) {
-            self.begin_eight(work, filled(group), Yes::first(group.len()), light);
-        }
-    }
-
     #[inline(always)]
-    fn begin_eight(&mut self, work: &Work, paths: [u32; LANES], active: Yes, light: &mut Subpaths) {
-        let zero = Reals::of(0.0);
-        let (key, taken) = (keys(light, paths), words(each(paths, |p| light.walkers[p as usize].taken())));
+    fn begin_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
+        &mut self,
+        work: &Work<TIMED>,
+        paths: [u32; N],
+        active: R::Mask,
+        light: &mut Subpaths,
+    ) {
+        let zero = R::of(0.0);
+        let (key, taken) =
+            (keys::<R, N>(light, paths), words::<R, N>(each(paths, |p| light.walkers[p as usize].taken())));
         let [choice, u0, u1] = Independent::next_three(key, taken);
-        let [v0, v1, _] = Independent::next_three(key, taken.add(Words::of(3)));
+        let [v0, v1, _] = Independent::next_three(key, taken.add(R::Word::of(3)));
         let Chosen { rows: [a, b], chance, alone, .. } = work.table.lamps.choose(work.context, choice, active);
-        let corners = [Vectors::new(a[0], a[1], a[2]), Vectors::new(a[3], a[4], a[5]), Vectors::new(a[6], a[7], b[0])];
+        let corners = [R::Vec3::new(a[0], a[1], a[2]), R::Vec3::new(a[3], a[4], a[5]), R::Vec3::new(a[6], a[7], b[0])];
         let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u0, u1]));
-        let local: Vectors = warp::cosine_hemisphere([v0, v1]);
+        let local: R::Vec3 = warp::cosine_hemisphere([v0, v1]);
         let dir = Frame::from_normal(normal).to_world(local);
-        let radiance = Vectors::new(b[2], b[3], b[4]);
-        let (one_a, pdf_w) = (Reals::of(1.0) / b[1], warp::cosine_hemisphere_pdf_w(local.z()));
+        let radiance = R::Vec3::new(b[2], b[3], b[4]);
+        let (one_a, pdf_w) = (R::of(1.0) / b[1], warp::cosine_hemisphere_pdf_w(local.z()));
         let throughput = radiance * local.z() / (one_a * chance * pdf_w);
         let usable = active & b[5].gt(zero) & pdf_w.gt(zero) & one_a.gt(zero);
-        let goes = (usable & !throughput.same(Vectors::of(Vec3::ZERO))).bits();
+        let goes = (usable & !throughput.same(R::Vec3::of(Vec3::ZERO))).bits();
         let [p, n, d, t] = [at, normal, dir, throughput];
         let o = offset_by_axis(p, towards(n, d));
-        let way = stored([o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), t.x(), t.y()]);
-        let left = stored([t.z(), p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), Reals::of(1.0)]);
-        let point = stored([p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), chance, b[1]]);
-        let shines = stored([b[2], b[3], b[4], zero, zero, zero, zero, zero]);
+        let way = R::stored([o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), t.x(), t.y()]);
+        let left = R::stored([t.z(), p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), R::of(1.0)]);
+        let point = R::stored([p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), chance, b[1]]);
+        let shines = R::stored([b[2], b[3], b[4], zero, zero, zero, zero, zero]);
         for i in set(active.bits()) {
             let walker = &mut light.walkers[paths[i] as usize];
             let numbers = walker.numbers(walker.taken());
@@ -132,58 +126,106 @@ impl Starts {
     }
 
     /// Joins all starts that are listed to the lens; what lanes know then waits.
-    pub fn see(&self, work: &Work, light: &Subpaths, waiting: &mut Waiting, splat: &mut Splat) {
+    pub fn see<const TIMED: bool>(
+        &self,
+        work: &Work<TIMED>,
+        light: &Subpaths,
+        waiting: &mut Waiting,
+        splat: &mut Splat,
+    ) {
         let (plain, others): (Vec<Sight>, Vec<Sight>) =
             self.sights.iter().partition(|s| matches!(self.of[s.path as usize], Start::Plain(_)));
         for Sight { path, taken } in others {
             if let Start::Single(start) = &self.of[path as usize] {
                 let mut sampler = Sampler::Independent(light.walkers[path as usize].numbers(taken));
-                if let Some((found, at)) = seen(work.context, work.h, start, 0.0, &mut sampler) {
-                    splat(path, at.pixel, work.weighted(Some(found)));
+                let emitted = if TIMED { work.emitted[path as usize] } else { 0.0 };
+                if let Some((found, at)) = seen(work.context, work.h, start, emitted, &mut sampler) {
+                    splat(path, at.pixel, work.weighted(Some(found)), found.length);
                 }
             }
         }
-        #[expect(unsafe_code, reason = "a function that is compiled for AVX2")]
-        // SAFETY: streams are made only where the processor has AVX2.
-        unsafe {
-            self.see_avx2(work, &plain, light, waiting);
-        }
-    }
-
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-    fn see_avx2(&self, work: &Work, sights: &[Sight], light: &Subpaths, waiting: &mut Waiting) {
-        for group in sights.chunks(LANES) {
-            self.see_eight(work, filled(group), Yes::first(group.len()), light, waiting);
-        }
+        work.table.width.run(See { starts: self, work, sights: &plain, light, waiting });
     }
 
     /// `s = 1`, `t = 1`.
     #[inline(always)]
-    fn see_eight(&self, work: &Work, sights: [Sight; LANES], active: Yes, light: &Subpaths, waiting: &mut Waiting) {
-        let zero = Reals::of(0.0);
+    fn see_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
+        &self,
+        work: &Work<TIMED>,
+        sights: [Sight; N],
+        active: R::Mask,
+        light: &Subpaths,
+        waiting: &mut Waiting,
+    ) {
+        let zero = R::of(0.0);
         let starts = each(sights, |s| match self.of[s.path as usize] {
             Start::Plain(rows) => rows,
             _ => [Row::default(); 2],
         });
-        let [x, y, z, a, b, c, chance, area] = transposed(starts.each_ref().map(|rows| &rows[0]));
-        let [red, green, blue, ..] = transposed(starts.each_ref().map(|rows| &rows[1]));
-        let (at, normal) = (Vectors::new(x, y, z), Vectors::new(a, b, c));
-        let numbers = work.lens_numbers(light, sights.map(|s| s.path), sights.map(|s| s.taken));
+        let [x, y, z, a, b, c, chance, area] = R::transposed(starts.each_ref().map(|rows| &rows[0]));
+        let [red, green, blue, ..] = R::transposed(starts.each_ref().map(|rows| &rows[1]));
+        let (at, normal) = (R::Vec3::new(x, y, z), R::Vec3::new(a, b, c));
+        let numbers = work.lens_numbers::<R, N>(light, each(sights, |s| s.path), each(sights, |s| s.taken));
         let seen = work.onto_film(at, numbers, active);
         if !seen.inside.any() {
             return;
         }
         let (lens, dir) = (seen.at.lens, seen.at.dir);
-        let nowhere = Vectors::of(Vec3::ZERO);
+        let nowhere = R::Vec3::of(Vec3::ZERO);
         let cos = normal.dot(-dir);
-        let end = plain_ends([at, normal], [lens, nowhere], -dir, [chance, area]);
+        let end = plain_ends::<R>([at, normal], [lens, nowhere], -dir, [chance, area]);
         let per_area = (seen.importance.double() / end.start).single();
-        let unweighted = Vectors::new(red, green, blue) * cos * per_area;
+        let unweighted = R::Vec3::new(red, green, blue) * cos * per_area;
         let lit = seen.inside & cos.gt(zero) & !unweighted.same(nowhere);
-        let values = work.shared(unweighted, others_of_seen(work.h, &end, seen.at.pdf_w), lit);
-        let rays = shadow_rays([at, normal], [lens, nowhere], dir, Yes::of(false));
+        let values = work.shared::<R, N>(unweighted, others_of_seen(work.h, &end, seen.at.pdf_w), lit);
+        let rays = shadow_rays::<R, N>([at, normal], [lens, nowhere], dir, R::Mask::of(false));
+        if TIMED {
+            let lengths = R::store_doubles(work.lens_lengths::<R, N>(each(sights, |s| s.path), seen.at.distance));
+            waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+        }
         for i in set(lit.bits()) {
             waiting.push(&rays[i], &values[i], To::Pixel(sights[i].path, seen.pixels[i]));
+        }
+    }
+}
+
+/// The work of [`Starts::begin`].
+struct Begin<'a, const TIMED: bool> {
+    starts: &'a mut Starts,
+    work: &'a Work<'a, TIMED>,
+    light: &'a mut Subpaths,
+}
+
+impl<const TIMED: bool> AnyWidth for Begin<'_, TIMED> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let paths: Vec<u32> = (0..self.starts.of.len() as u32).collect();
+        for group in paths.chunks(N) {
+            let active = R::Mask::first(group.len());
+            self.starts.begin_lanes::<R, N, TIMED>(self.work, filled(group), active, self.light);
+        }
+    }
+}
+
+/// The work of [`Starts::see`].
+struct See<'a, const TIMED: bool> {
+    starts: &'a Starts,
+    work: &'a Work<'a, TIMED>,
+    sights: &'a [Sight],
+    light: &'a Subpaths,
+    waiting: &'a mut Waiting,
+}
+
+impl<const TIMED: bool> AnyWidth for See<'_, TIMED> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        for group in self.sights.chunks(N) {
+            let active = R::Mask::first(group.len());
+            self.starts.see_lanes::<R, N, TIMED>(self.work, filled(group), active, self.light, self.waiting);
         }
     }
 }
@@ -197,7 +239,7 @@ impl Walker {
 }
 
 /// The start of a light subpath on any light, from these numbers; the walker then leaves it.
-fn single(work: &Work, walker: &mut Walker, numbers: Independent) -> Option<EmissionSample> {
+fn single<const TIMED: bool>(work: &Work<TIMED>, walker: &mut Walker, numbers: Independent) -> Option<EmissionSample> {
     let mut sampler = Sampler::Independent(numbers);
     let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
     let start = work.context.lights.sample_emission(work.context.scene, choice, u, v)?;
