@@ -13,6 +13,8 @@ mod fixtures;
 mod identity;
 #[path = "experiment/intervention.rs"]
 mod intervention;
+#[path = "experiment/lanes.rs"]
+mod lanes;
 #[path = "experiment/listeners.rs"]
 mod listeners;
 #[path = "experiment/lost.rs"]

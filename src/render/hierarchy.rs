@@ -23,8 +23,8 @@ pub struct AccelSpec {
     pub quality: Quality,
     /// What becomes of meshes that several entities have.
     pub instances: Sharing,
-    /// Whether the CPU may shade many paths at once, to the same bits, where it can: for some techniques and not for others.
-    pub lanes: bool,
+    /// Whether the CPU shades many paths at once.
+    pub lanes: InLanes,
 }
 
 impl Default for AccelSpec {
@@ -36,8 +36,29 @@ impl Default for AccelSpec {
             max_leaf: 8,
             quality: Quality::Medium,
             instances: Sharing::Auto,
-            lanes: false,
+            lanes: InLanes::Auto,
         }
+    }
+}
+
+/// Whether the CPU shades many paths at once in the lanes of vectors. Pictures have the same bits either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InLanes {
+    /// Where every technique's paths can all go so, and nowhere else: times compare techniques, and not who has lanes.
+    Auto,
+    /// Nowhere.
+    Never,
+    /// Wherever that is built, though for one technique and not for another.
+    Always,
+}
+
+impl InLanes {
+    const ALL: [InLanes; 3] = [InLanes::Auto, InLanes::Never, InLanes::Always];
+
+    const WORDS: &'static [&'static str] = &["auto", "never", "always"];
+
+    fn word(self) -> &'static str {
+        InLanes::WORDS[self as usize]
     }
 }
 
@@ -161,11 +182,12 @@ pub const ACCEL: Table = Table {
         },
         Field {
             key: "lanes",
-            ty: Ty::Bool,
+            ty: Ty::Word(InLanes::WORDS),
             required: false,
-            default: "false",
-            doc: "cpu: shade eight paths at once in the lanes of vectors, to the same bits, where that is \
-                  built; not unless asked for, since times then compare how techniques are programmed. References always do",
+            default: "auto",
+            doc: "cpu: whether to shade many paths at once in the lanes of vectors, to the same bits. auto is where every \
+                  surface of the scene is known there, in nights all of whose runs on the CPU can, so that no technique has \
+                  what another has not; always is wherever one can. References always do",
         },
     ],
 };
@@ -186,12 +208,23 @@ impl AccelSpec {
             max_leaf: whole("max_leaf").unwrap_or(plain.max_leaf),
             quality: place("quality", Quality::WORDS).map_or(plain.quality, |i| Quality::ALL[i]),
             instances: place("instances", SHARING_WORDS).map_or(plain.instances, |i| SHARINGS[i]),
-            lanes: matches!(map.get("lanes"), Some(Value::Bool(true))),
+            lanes: place("lanes", InLanes::WORDS).map_or(plain.lanes, |i| InLanes::ALL[i]),
         }
     }
 
+    /// What a table that [`AccelSpec::identity`] has made says.
+    pub fn from_identity(map: &BTreeMap<String, Value>) -> AccelSpec {
+        let said = AccelSpec::from_map(map);
+        AccelSpec { lanes: if map.contains_key("lanes") { said.lanes } else { InLanes::Never }, ..said }
+    }
+
+    /// The same with paths one by one.
+    pub fn alone(self) -> AccelSpec {
+        AccelSpec { lanes: InLanes::Never, ..self }
+    }
+
     /// What of it counts, in canonical form: the builder's own fields, and those that are not as by default. The default
-    /// is the empty map.
+    /// is the empty map but for lanes, which are left out where there are none, as there were none once.
     pub fn identity(&self) -> BTreeMap<String, Value> {
         let plain = AccelSpec::default();
         let whole = |n: u32| Value::Int(i64::from(n));
@@ -204,7 +237,7 @@ impl AccelSpec {
             ("max_leaf", self.builder != Builder::None && self.max_leaf != plain.max_leaf, whole(self.max_leaf)),
             ("quality", obvhs && self.quality != plain.quality, self.quality.word().into()),
             ("instances", self.instances != plain.instances, self.sharing_word().into()),
-            ("lanes", self.lanes, Value::Bool(true)),
+            ("lanes", self.lanes != InLanes::Never, self.lanes.word().into()),
         ];
         fields.into_iter().filter(|(_, counts, _)| *counts).map(|(key, _, value)| (key.to_owned(), value)).collect()
     }
@@ -231,9 +264,9 @@ mod tests {
 
     #[test]
     fn what_a_builder_does_not_read_is_no_part_of_what_a_run_is() {
-        assert!(AccelSpec::default().identity().is_empty());
+        assert!(AccelSpec::default().alone().identity().is_empty());
         let map = |pairs: &[(&str, Value)]| pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect();
-        let of = |pairs: &[(&str, Value)]| AccelSpec::from_map(&map(pairs)).identity();
+        let of = |pairs: &[(&str, Value)]| AccelSpec::from_map(&map(pairs)).alone().identity();
         assert!(of(&[("builder", "ploc".into()), ("bins", Value::Int(3)), ("max_depth", Value::Int(2))]).is_empty());
         let sah = of(&[("builder", "sah".into()), ("quality", "slow".into())]);
         assert_eq!(sah, map(&[("builder", "sah".into()), ("bins", Value::Int(14)), ("max_depth", Value::Int(48))]));
@@ -246,6 +279,17 @@ mod tests {
     fn words_are_those_of_their_variants() {
         assert!(Builder::ALL.iter().zip(Builder::WORDS).all(|(b, word)| b.word() == *word));
         assert!(Quality::ALL.iter().zip(Quality::WORDS).all(|(q, word)| q.word() == *word));
+        assert!(InLanes::ALL.iter().zip(InLanes::WORDS).all(|(l, word)| l.word() == *word));
         assert_eq!(SHARINGS.len(), SHARING_WORDS.len());
+        assert_eq!(InLanes::ALL.len(), InLanes::WORDS.len());
+    }
+
+    #[test]
+    fn what_is_written_down_is_read_back() {
+        for lanes in InLanes::ALL {
+            let spec = AccelSpec { lanes, max_leaf: 3, ..AccelSpec::default() };
+            assert_eq!(AccelSpec::from_identity(&spec.identity()), spec);
+        }
+        assert_eq!(AccelSpec::from_map(&BTreeMap::new()), AccelSpec::default());
     }
 }

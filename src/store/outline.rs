@@ -95,7 +95,7 @@ pub(super) fn config(json: &Json) -> Option<CellConfig> {
         films: list(&json["films"]).iter().filter_map(|name| Layer::from_name(name.as_str()?)).collect(),
         timing: Timing::from_film(&values(&json["film"]), "film").ok()?,
         sampler: text(&json["sampler"]),
-        accel: AccelSpec::from_map(&values(&json["accel"])),
+        accel: AccelSpec::from_identity(&values(&json["accel"])),
         set: values(&json["set"]),
         backend: text(&json["backend"]),
         fallback: None,

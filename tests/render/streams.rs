@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::film::layer::Layer;
 use lumbre::render::cpu::lanes::Isa;
-use lumbre::render::hierarchy::AccelSpec;
+use lumbre::render::hierarchy::{AccelSpec, InLanes};
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{Material, Model, Texture};
@@ -61,7 +61,7 @@ fn room(material: Material) -> SceneBuilder {
 }
 
 fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
-    let accel = AccelSpec { lanes: true, ..AccelSpec::default() };
+    let accel = AccelSpec { lanes: InLanes::Always, ..AccelSpec::default() };
     Job { threads: 1, accel, ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5) }
 }
 
@@ -87,7 +87,7 @@ fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
         let film = renderer.film();
         (bits(&film.sum), bits(&film.sum2), stats.rays, stats.invalid, stats.first_invalid)
     };
-    let alone = run(Job { accel: AccelSpec::default(), ..job.clone() }, false);
+    let alone = run(Job { accel: job.accel.alone(), ..job.clone() }, false);
     let lanes = run(job, true);
     let differ = alone.0.iter().zip(&lanes.0).filter(|(a, b)| a != b).count();
     assert_eq!(differ, 0, "{name}: so many pixels of {} differ", alone.0.len());
@@ -222,6 +222,26 @@ fn what_lanes_do_not_know_goes_alone() {
     let soft = room(Material { shadow_terminator: true, ..DISNEY }).build();
     assert!(!renderer(&soft, job.clone()));
     assert!(!renderer(&scene, Job { layers: vec![Layer::Depth], ..job.clone() }));
-    assert!(!renderer(&scene, Job { accel: AccelSpec::default(), ..job.clone() }), "nobody asked for it");
+    assert!(!renderer(&scene, Job { accel: job.accel.alone(), ..job.clone() }));
     assert_eq!(renderer(&scene, job), Isa::detect() == Isa::Avx2);
+}
+
+/// Else times would compare who has lanes, and not techniques.
+#[test]
+fn unless_told_all_techniques_go_in_lanes_or_none_does() {
+    let accel = AccelSpec::default();
+    let shining = Material { emitter_reflects: true, ..Material { emission: Vec3::ONE, ..DISNEY } };
+    let scenes = [
+        ("known", room(DISNEY).build(), true),
+        ("lamps that reflect", room(shining).build(), true),
+        ("brushed", room(Material { anisotropic: 0.8, roughness: 0.4, ..DISNEY }).build(), false),
+        ("ideal beside known", room(grey(0.5)).build(), false),
+    ];
+    for (name, scene, expected) in scenes {
+        let job = Job { accel, ..plain([4, 4], 3) };
+        for job in [job.clone(), unjoined(job.clone()), joined(job)] {
+            let in_lanes = CpuRenderer::new(Arc::clone(&scene), job).unwrap().in_lanes();
+            assert_eq!(in_lanes, expected && Isa::detect() == Isa::Avx2, "{name}");
+        }
+    }
 }

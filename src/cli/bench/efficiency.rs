@@ -16,7 +16,7 @@ use serde_json::{Value as Json, json};
 use super::turns::in_turns;
 use crate::film::Film;
 use crate::math::stats::median;
-use crate::render::hierarchy::AccelSpec;
+use crate::render::hierarchy::{AccelSpec, InLanes};
 use crate::render::{Job, WaveStats, backend};
 use crate::scene::CompiledScene;
 use crate::transport::integrator::IntegratorRow;
@@ -34,7 +34,7 @@ const ENOUGH_FINDS: f64 = 1000.0;
 pub struct Measured {
     /// Its name.
     pub name: &'static str,
-    /// Median of camera paths per second, in millions, one path after the other, as a night has them unless it asks for lanes.
+    /// Median of camera paths per second, in millions, one path after the other.
     pub mpaths_per_s: f64,
     /// The same in the lanes of vectors, where the scene and the processor let it.
     pub in_lanes: f64,
@@ -60,12 +60,12 @@ pub fn measure(
     repeats: usize,
 ) -> Result<Measured, String> {
     let cpu = backend("cpu").ok_or("no cpu backend")?;
-    let open = |lanes: bool| {
+    let open = |lanes: InLanes| {
         let plain = Job::plain(integrator, scene.resolution, scene.max_depth, 1);
         let job = Job { threads, accel: AccelSpec { lanes, ..plain.accel }, ..plain };
         (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())
     };
-    let mut both = [open(false)?, open(true)?];
+    let mut both = [open(InLanes::Never)?, open(InLanes::Always)?];
     let rate = |wave: &WaveStats| wave.paths as f64 / wave.render_s;
     in_turns(&mut both, 1, 1, rate)?;
     let turns = in_turns(&mut both, repeats, SAMPLES, rate)?;

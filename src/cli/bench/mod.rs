@@ -23,7 +23,7 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use crate::cli::args::BenchArgs;
-use crate::cli::builtin::{BuiltIn, short};
+use crate::cli::builtin::BuiltIn;
 use crate::cli::doctor;
 use crate::math::stats::median;
 use crate::render::cpu::lanes::Isa;
@@ -74,8 +74,8 @@ pub fn measure(
     let built_in = BuiltIn::unpack()?;
     if args.ratios {
         let named = |name: &str| {
-            let mut files = built_in.scenes().into_iter();
-            files.find(|file| file.ends_with(name)).ok_or_else(|| format!("no built-in scene `{name}`"))
+            let file = built_in.scenes().into_iter().find(|file| file.ends_with(name));
+            file.map(Subject::built_in).ok_or_else(|| format!("no built-in scene `{name}`"))
         };
         let (masked, plain) = (named("masked_leaves.scn")?, named("cornell_spheres.scn")?);
         let found = ratios::Ratios::measure(&masked, &plain, repeats, say)?;
@@ -86,7 +86,7 @@ pub fn measure(
     }
     let mut scenes: Vec<Subject> = Vec::new();
     if !args.only {
-        scenes.extend(built_in.scenes().into_iter().map(|file| Subject::plain(short(&file), file)));
+        scenes.extend(built_in.scenes().into_iter().map(Subject::built_in));
     }
     scenes.extend(asked);
     if let (true, Some(first)) = (args.time, scenes.first()) {

@@ -1,11 +1,10 @@
 //! What masks, copies and many lights cost, and what a second thread brings: each beside the same without it, in turns.
 
-use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use super::subject::Subject;
 use super::turns::in_turns;
 use crate::cli::text::aligned;
 use crate::math::stats::median;
@@ -75,11 +74,16 @@ impl Ratios {
     ///
     /// # Errors
     /// When a scene cannot be loaded or rendered, with a message for people.
-    pub fn measure(masked: &Path, plain: &Path, turns: usize, say: &mut dyn FnMut(&str)) -> Result<Ratios, String> {
+    pub fn measure(
+        masked: &Subject,
+        plain: &Subject,
+        turns: usize,
+        say: &mut dyn FnMut(&str),
+    ) -> Result<Ratios, String> {
         let nee = INTEGRATORS.iter().find(|row| row.name == "nee").ok_or("no integrator `nee`")?;
         let mut rows = Vec::new();
         say("measuring masks");
-        let (desc, _) = scene::read(masked, &BTreeMap::new(), Missing::Refused).map_err(|e| e.to_string())?;
+        let desc = masked.load()?;
         let mut opaque = desc.clone();
         opaque
             .materials
@@ -115,7 +119,7 @@ impl Ratios {
         }
 
         say("measuring threads");
-        let (desc, _) = scene::read(plain, &BTreeMap::new(), Missing::Refused).map_err(|e| e.to_string())?;
+        let desc = plain.load()?;
         let scene = compiled(&desc)?;
         for row in INTEGRATORS {
             rows.push(threads(&scene, row, turns)?);
@@ -200,6 +204,7 @@ fn open(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, threads: usize)
 mod tests {
     use super::*;
     use crate::cli::builtin::BuiltIn;
+    use std::collections::BTreeMap;
 
     #[test]
     fn scenes_of_lamps_and_copies_are_what_they_say() {

@@ -26,9 +26,10 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// A scene as it is.
-    pub fn plain(name: String, file: PathBuf) -> Subject {
-        Subject { label: short(&file), name, file, settings: Vec::new(), missing: Missing::Refused }
+    /// A scene of this program, as it is.
+    pub fn built_in(file: PathBuf) -> Subject {
+        let name = short(&file);
+        Subject { label: name.clone(), name, file, settings: Vec::new(), missing: Missing::Refused }
     }
 
     /// A scene that was asked for.

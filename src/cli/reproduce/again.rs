@@ -117,7 +117,7 @@ fn text<'a>(render: &'a Json, key: &str) -> Result<&'a str, String> {
 /// How a `render` table builds the hierarchy.
 fn accel_of(render: &Json) -> AccelSpec {
     match Value::from_json(&render["accel"]) {
-        Value::Map(accel) => AccelSpec::from_map(&accel),
+        Value::Map(accel) => AccelSpec::from_identity(&accel),
         _ => AccelSpec::default(),
     }
 }

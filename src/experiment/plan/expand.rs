@@ -10,6 +10,7 @@ use super::{Agree, Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Ski
 use crate::experiment::parts;
 use crate::experiment::spec::{AgreeRequest, CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
 use crate::experiment::stop::StopRule;
+use crate::render::hierarchy::InLanes;
 use crate::value::Value;
 
 /// Expands an experiment to its plan.
@@ -31,19 +32,30 @@ pub fn expand(
     for point in axes::points(&axes) {
         builder.add(point)?;
     }
+    builder.settle_lanes();
     Ok(builder.finish())
+}
+
+/// A point of which only its cells are still to be made.
+struct Ready {
+    point: Point,
+    renderable: Renderable,
+    reference: Option<usize>,
+    stop: StopRule,
+    doubled: bool,
 }
 
 /// A plan in the making.
 struct Builder<'a> {
     spec: &'a Spec,
     hooks: &'a dyn ScriptHooks,
-    backend: Option<&'a str>,
+    overrides: &'a Overrides,
     resolver: Resolver<'a>,
     columns: Vec<String>,
     /// The canonical measurements, without and with a reference.
     measure: [Value; 2],
     paths: Paths,
+    ready: Vec<Ready>,
     cells: Vec<Cell>,
     references: Vec<Reference>,
     reference_places: BTreeMap<RunId, usize>,
@@ -53,6 +65,8 @@ struct Builder<'a> {
     unmeasured: usize,
     /// The pictures of which one technique has its doubles already.
     controlled: BTreeSet<RunId>,
+    /// The warning that runs have no lanes which could have them.
+    kept_alone: Option<String>,
 }
 
 impl<'a> Builder<'a> {
@@ -65,11 +79,12 @@ impl<'a> Builder<'a> {
         Builder {
             spec,
             hooks,
-            backend: overrides.backend.as_deref(),
+            overrides,
             resolver: Resolver::new(load, overrides.elsewhere),
             columns: spec.measure.metrics.iter().map(|metric| metric.column.clone()).collect(),
             measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
             paths: Paths::default(),
+            ready: Vec::new(),
             cells: Vec::new(),
             references: Vec::new(),
             reference_places: BTreeMap::new(),
@@ -77,6 +92,7 @@ impl<'a> Builder<'a> {
             endless: BTreeMap::new(),
             unmeasured: 0,
             controlled: BTreeSet::new(),
+            kept_alone: None,
         }
     }
 
@@ -104,7 +120,7 @@ impl<'a> Builder<'a> {
             self.unmeasured += self.spec.repeats as usize;
         }
         let doubled = self.doubled(&renderable, &point)?;
-        self.add_cells(point, renderable, reference, stop, doubled);
+        self.ready.push(Ready { point, renderable, reference, stop, doubled });
         Ok(())
     }
 
@@ -140,9 +156,7 @@ impl<'a> Builder<'a> {
     }
 
     fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
-        if let Some(backend) = self.backend {
-            config.backend = backend.to_owned();
-        }
+        self.override_backend(&mut config);
         self.resolver.renderable(config, point)
     }
 
@@ -195,7 +209,10 @@ impl<'a> Builder<'a> {
         cell: &Renderable,
         point: &Point,
     ) -> Result<Reference, PlanError> {
-        let Renderable { config, scene, picture, resolution } = self.renderable(config, point)?;
+        let mut renderable = self.renderable(config, point)?;
+        // Its time is nobody's, so that nothing has to be equal: it has lanes wherever there are any, and says nothing of them.
+        renderable.go_alone();
+        let Renderable { config, scene, picture, resolution, .. } = renderable;
         if resolution != cell.resolution {
             return Err(PlanError::ReferenceSize {
                 point: describe(point),
@@ -217,14 +234,8 @@ impl<'a> Builder<'a> {
         Ok(Reference { id: identity::run_id(&identity), source, identity, agree: None })
     }
 
-    fn add_cells(
-        &mut self,
-        point: Point,
-        renderable: Renderable,
-        reference: Option<usize>,
-        stop: StopRule,
-        doubled: bool,
-    ) {
+    fn add_cells(&mut self, ready: Ready) {
+        let Ready { point, renderable, reference, stop, doubled } = ready;
         let base = self.paths.of(&point);
         let separator = if base.is_empty() { "" } else { "/" };
         let end = identity::cell_stop(&stop, &self.spec.script_hash, &point);
@@ -259,7 +270,53 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn finish(self) -> Plan {
+    /// Lets the paths of all runs on the CPU go one by one where those of one have to, unless the script says for itself how
+    /// they go: times would compare who has lanes. All points of the night count, selected or not, so that a run stays the
+    /// same run whoever else is selected.
+    fn settle_lanes(&mut self) {
+        let reasons: BTreeSet<String> = self.ready.iter().filter_map(|ready| ready.renderable.alone.clone()).collect();
+        let mut reasons: Vec<String> = reasons.into_iter().collect();
+        if reasons.is_empty() && !self.overrides.only.is_empty() {
+            reasons.extend(self.alone_elsewhere());
+        }
+        if reasons.is_empty() {
+            return;
+        }
+        let left_open = |ready: &&mut Ready| ready.renderable.config.accel.lanes == InLanes::Auto;
+        let mut open: Vec<&mut Ready> = self.ready.iter_mut().filter(left_open).collect();
+        if open.iter().any(|ready| ready.renderable.alone.is_none()) {
+            let all = reasons.join(" and ");
+            self.kept_alone = Some(format!(
+                "paths go one by one in all runs on `cpu`, since those {all} have to: times compare techniques, not who has \
+                 lanes (accel = {{ lanes = \"always\" }} gives them to who can)"
+            ));
+        }
+        open.iter_mut().for_each(|ready| ready.renderable.go_alone());
+    }
+
+    /// Why the paths of some run that is not selected have to go one by one, if they have to in any.
+    fn alone_elsewhere(&mut self) -> Option<String> {
+        let whole = Overrides { only: Vec::new(), ..self.overrides.clone() };
+        // What cannot be made a plan of has no runs beside the selected ones.
+        let axes = axes::select(&self.spec.axes, &whole, self.spec.repeats).ok()?;
+        axes::points(&axes).find_map(|point| {
+            let skipped = self.skip_reason(&point).ok()?;
+            let mut config = self.hooks.render(&point).ok().filter(|_| skipped.is_none())?;
+            self.override_backend(&mut config);
+            self.resolver.alone(&config, &point)
+        })
+    }
+
+    fn override_backend(&self, config: &mut CellConfig) {
+        if let Some(backend) = &self.overrides.backend {
+            config.backend.clone_from(backend);
+        }
+    }
+
+    fn finish(mut self) -> Plan {
+        for ready in std::mem::take(&mut self.ready) {
+            self.add_cells(ready);
+        }
         let mut warnings = self.warnings();
         if self.spec.control && self.cells.iter().all(|cell| cell.control.is_none()) {
             warnings.push("x:control has no cell to check: its function chose none".to_owned());
@@ -294,6 +351,7 @@ impl<'a> Builder<'a> {
             let columns = self.columns.join(", ");
             warnings.push(format!("{} cells have no reference, so {columns} will not be measured", self.unmeasured));
         }
+        warnings.extend(self.kept_alone.clone());
         warnings.extend(self.twins());
         warnings
     }

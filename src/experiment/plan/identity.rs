@@ -18,6 +18,7 @@ use crate::experiment::spec::{
 };
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
+use crate::render::hierarchy::AccelSpec;
 use crate::transport::delay;
 use crate::transport::integrator::IntegratorRow;
 use crate::transport::integrator::external::PYTHON;
@@ -112,17 +113,20 @@ pub(super) fn picture(
     let films = (!films.is_empty()).then_some(("films", Value::List(films)));
     let film = config.timing.as_ref().map(|timing| ("film", timing.to_film(false)));
     let delays = film.is_some().then_some(("delays", Value::Int(i64::from(delay::REVISION))));
-    // Left out where it is as by default, for the same reason. It changes no picture, but what a run measures.
-    let accel = config.accel.identity();
-    let accel = (!accel.is_empty()).then_some(("accel", Value::Map(accel)));
-    fields
-        .into_iter()
-        .chain(films)
-        .chain(film)
-        .chain(delays)
-        .chain(accel)
-        .map(|(key, value)| (key.to_owned(), value))
-        .collect()
+    let mut picture: BTreeMap<String, Value> =
+        fields.into_iter().chain(films).chain(film).chain(delays).map(|(key, value)| (key.to_owned(), value)).collect();
+    put_accel(&mut picture, &config.accel);
+    picture
+}
+
+/// Says how the hierarchy is built and paths go, in place of what was said before: nothing where it is as it was when
+/// nothing could be said, for the same reason. It changes no picture, but what a run measures.
+pub(super) fn put_accel(picture: &mut BTreeMap<String, Value>, accel: &AccelSpec) {
+    let accel = accel.identity();
+    match accel.is_empty() {
+        true => drop(picture.remove("accel")),
+        false => drop(picture.insert("accel".to_owned(), Value::Map(accel))),
+    }
 }
 
 /// A picture with its seed and end.

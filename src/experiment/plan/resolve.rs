@@ -10,6 +10,8 @@ use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use crate::film::layer::Layout;
 use crate::film::time;
+use crate::render::cpu::together;
+use crate::render::hierarchy::InLanes;
 use crate::render::{self, BackendRow, external};
 use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
 use crate::transport::integrator::external::{EXTERNALS, is_external};
@@ -34,6 +36,17 @@ pub(super) struct Renderable {
     /// The part of the identity that says what the picture is.
     pub(super) picture: BTreeMap<String, Value>,
     pub(super) resolution: [u32; 2],
+    /// Why its paths have to go one by one, where the script leaves that open.
+    pub(super) alone: Option<String>,
+}
+
+impl Renderable {
+    /// Lets its paths go one by one.
+    pub(super) fn go_alone(&mut self) {
+        let config = Arc::make_mut(&mut self.config);
+        config.accel = config.accel.alone();
+        identity::put_accel(&mut self.picture, &config.accel);
+    }
 }
 
 /// A scene with changes made, and its content hash.
@@ -101,6 +114,9 @@ impl<'a> Resolver<'a> {
         if let Some(able) = config.fallback.filter(|_| refused(&config).is_some()) {
             (config.backend, config.fallback) = (able.to_owned(), None);
         }
+        if config.backend != render::cpu::ROW.name {
+            config.accel = config.accel.alone();
+        }
         if let Some(reason) = refused(&config) {
             return Err(PlanError::Refused { point: describe(point), backend: config.backend.clone(), reason });
         }
@@ -118,7 +134,15 @@ impl<'a> Resolver<'a> {
         if let Some(Some(edited)) = self.edits.get(config.backend.as_str()) {
             picture.insert("shaders".to_owned(), edited.as_str().into());
         }
-        Ok(Renderable { config: Arc::new(config), scene, picture, resolution })
+        let alone = alone(&config, row, sampler);
+        Ok(Renderable { config: Arc::new(config), scene, picture, resolution, alone })
+    }
+
+    /// Why paths have to go one by one where the script leaves that open, as far as it is known before the scene is read.
+    pub(super) fn alone(&mut self, config: &CellConfig, point: &Point) -> Option<String> {
+        let (row, sampler) = (integrator(&config.integrator)?, sampler(&config.sampler)?);
+        let on_cpu = !is_external(row) && self.backend(&config.backend, point).ok()? == render::cpu::ROW.name;
+        alone(config, row, sampler).filter(|_| on_cpu)
     }
 
     /// The version of the program that carries a technique out.
@@ -226,6 +250,14 @@ fn sampler_row(name: &str, point: &Point) -> Result<&'static SamplerRow, PlanErr
     })
 }
 
+/// Why paths on the CPU have to go one by one where the script leaves that open.
+fn alone(config: &CellConfig, row: &IntegratorRow, sampler: &SamplerRow) -> Option<String> {
+    if config.accel.lanes != InLanes::Auto {
+        return None;
+    }
+    together::alone(row, &config.params, sampler, !config.films.is_empty(), config.timing.is_some())
+}
+
 /// Why a backend cannot render this, if it cannot.
 fn refusal(
     backend: &BackendRow,
@@ -234,7 +266,7 @@ fn refusal(
     scene: &SceneDesc,
     config: &CellConfig,
 ) -> Option<String> {
-    if !backend.accel && !config.accel.identity().is_empty() {
+    if !backend.accel && !config.accel.alone().identity().is_empty() {
         return Some(format!(
             "its hierarchy is not built by `{}`: `accel` is for `cpu` and `vulkan-compute`",
             config.accel.describe()

@@ -23,7 +23,7 @@ use crate::film::{Film, Image, SharedImage};
 use crate::metrics::gauge::Gauge;
 use crate::render::cpu::kept_bytes;
 use crate::render::halves::Halves;
-use crate::render::hierarchy::AccelSpec;
+use crate::render::hierarchy::{AccelSpec, InLanes};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats, external};
 use crate::scene::compile::compile_sharing;
 use crate::scene::{CompiledScene, SceneDesc};
@@ -495,9 +495,9 @@ impl<'a> Night<'a, '_> {
             timing: config.timing.clone(),
             sampler: sampler(&config.sampler).ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
             // The time of references is nobody's.
-            accel: AccelSpec {
-                lanes: config.accel.lanes || matches!(work.cell, CellRef::Reference(_)),
-                ..config.accel
+            accel: match work.cell {
+                CellRef::Reference(_) => AccelSpec { lanes: InLanes::Always, ..config.accel },
+                CellRef::Cell(_) => config.accel,
             },
             seed: 0,
             first_sample: work.part.map_or(0, |part| part.first / 2),

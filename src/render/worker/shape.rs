@@ -288,7 +288,7 @@ impl Wire for Job {
             filter: Wire::take(from)?,
             layers: Wire::take(from)?,
             timing: Wire::take(from)?,
-            accel: AccelSpec::from_map(&Wire::take(from)?),
+            accel: AccelSpec::from_identity(&Wire::take(from)?),
             sampler: sampler(&String::take(from)?).ok_or(Garbled)?,
             seed: Wire::take(from)?,
             first_sample: Wire::take(from)?,

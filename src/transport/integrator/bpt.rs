@@ -6,7 +6,6 @@ use glam::Vec3;
 use super::nee::{State, Walk};
 use super::{Context, IntegratorRow};
 use crate::scene::compile::NONE;
-use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::{Bsdf, Mode};
 use crate::transport::contribution::Contribution;
 use crate::transport::ray::Hit;
@@ -38,14 +37,9 @@ fn path<const TIMED: bool>(
     sampler: &mut Sampler,
     sink: &mut dyn FnMut(Contribution),
 ) {
-    let ray = context.camera.sample_ray(pixel, sampler);
-    let mut walk = Walk::<TIMED>::of_camera(context, ray, sampler);
-    for depth in 1..=context.max_depth {
-        let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
-        if !step_of(&mut walk, context, pixel, sampler, sink, depth, hit) {
-            break;
-        }
-    }
+    Walk::<TIMED>::follow(context, pixel, sampler, |walk, sampler, depth, hit| {
+        step_of(walk, context, pixel, sampler, sink, depth, hit)
+    });
 }
 
 /// A [`StepFn`](super::nee::StepFn).
@@ -58,10 +52,7 @@ pub fn step(
     depth: u32,
     hit: Option<Hit>,
 ) -> bool {
-    let mut walk = Walk::<false> { state: *state, ..Walk::of_camera(context, state.ray, sampler) };
-    let goes_on = step_of(&mut walk, context, pixel, sampler, sink, depth, hit);
-    *state = walk.state;
-    goes_on
+    state.once(context, sampler, |walk, sampler| step_of(walk, context, pixel, sampler, sink, depth, hit))
 }
 
 /// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.
@@ -104,20 +95,5 @@ fn step_of<'a, const TIMED: bool>(
     let bsdf = Bsdf::new(&surface, &scene.textures);
     let choice = sampler.next_1d();
     let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), Mode::Radiance) else { return false };
-    state.throughput *= s.weight;
-    state.eta_scale *= s.eta * s.eta;
-    if context.rr_start.is_some_and(|start| depth >= start) {
-        let survival = (state.throughput.max_element() * state.eta_scale).min(MAX_SURVIVAL);
-        if sampler.next_1d() >= survival {
-            return false;
-        }
-        state.throughput /= survival;
-    }
-    if state.throughput == Vec3::ZERO {
-        return false;
-    }
-    flight.leave(surface.position, s.eta);
-    state.ray = surface.spawn(s.wi);
-    *over = surface.overhang_into(s.wi);
-    true
+    walk.leave(context, sampler, depth, &surface, &s)
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{Context, IntegratorRow, Settings, settings};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, Mode, Outgoing};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
 use crate::transport::contribution::Contribution;
 use crate::transport::flight::{self, Chance, Flight};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
@@ -67,14 +67,9 @@ fn path<const TIMED: bool>(
     sampler: &mut Sampler,
     sink: &mut dyn FnMut(Contribution),
 ) {
-    let ray = context.camera.sample_ray(pixel, sampler);
-    let mut walk = Walk::<TIMED>::of_camera(context, ray, sampler);
-    for depth in 1..=context.max_depth {
-        let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
-        if !walk.step(context, pixel, sampler, sink, depth, hit) {
-            break;
-        }
-    }
+    Walk::<TIMED>::follow(context, pixel, sampler, |walk, sampler, depth, hit| {
+        walk.step(context, pixel, sampler, sink, depth, hit)
+    });
 }
 
 /// What a path brings to its next vertex, where neither time nor an overhang matters.
@@ -107,8 +102,19 @@ impl State {
         depth: u32,
         hit: Option<Hit>,
     ) -> bool {
-        let mut walk = Walk::<false> { state: *self, ..Walk::of_camera(context, self.ray, sampler) };
-        let goes_on = walk.step(context, pixel, sampler, sink, depth, hit);
+        self.once(context, sampler, |walk, sampler| walk.step(context, pixel, sampler, sink, depth, hit))
+    }
+
+    /// Makes one step of the path by itself; whether it goes on.
+    #[inline(always)]
+    pub(super) fn once<'a>(
+        &mut self,
+        context: &Context<'a>,
+        sampler: &mut Sampler,
+        step: impl FnOnce(&mut Walk<'a, false>, &mut Sampler) -> bool,
+    ) -> bool {
+        let mut walk = Walk { state: *self, ..Walk::of_camera(context, self.ray, sampler) };
+        let goes_on = step(&mut walk, sampler);
         *self = walk.state;
         goes_on
     }
@@ -129,10 +135,59 @@ pub type StepFn =
 
 impl<'a, const TIMED: bool> Walk<'a, TIMED> {
     #[inline]
-    pub fn of_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> Walk<'a, TIMED> {
+    fn of_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> Walk<'a, TIMED> {
         let mut chance = Chance::new::<TIMED>(sampler);
         let flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
         Walk { state: State::of_camera(ray), over: None, chance, flight }
+    }
+
+    /// Follows a path from the camera for as long as `step`, which is told the number of an edge and what its ray met, says that
+    /// it goes on.
+    #[inline(always)]
+    pub fn follow(
+        context: &Context<'a>,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+        mut step: impl FnMut(&mut Walk<'a, TIMED>, &mut Sampler, u32, Option<Hit>) -> bool,
+    ) {
+        let ray = context.camera.sample_ray(pixel, sampler);
+        let mut walk = Walk::of_camera(context, ray, sampler);
+        for depth in 1..=context.max_depth {
+            let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
+            if !step(&mut walk, sampler, depth, hit) {
+                break;
+            }
+        }
+    }
+
+    /// Goes on from a surface, at the end of edge `depth`, in a sampled direction, as far as Russian roulette lets it; whether it
+    /// does.
+    #[inline(always)]
+    pub fn leave(
+        &mut self,
+        context: &Context<'a>,
+        sampler: &mut Sampler,
+        depth: u32,
+        surface: &Surface,
+        s: &BsdfSample,
+    ) -> bool {
+        let state = &mut self.state;
+        state.throughput *= s.weight;
+        state.eta_scale *= s.eta * s.eta;
+        if context.rr_start.is_some_and(|start| depth >= start) {
+            let survival = (state.throughput.max_element() * state.eta_scale).min(MAX_SURVIVAL);
+            if sampler.next_1d() >= survival {
+                return false;
+            }
+            state.throughput /= survival;
+        }
+        if state.throughput == Vec3::ZERO {
+            return false;
+        }
+        self.flight.leave(surface.position, s.eta);
+        self.state.ray = surface.spawn(s.wi);
+        self.over = surface.overhang_into(s.wi);
+        true
     }
 
     /// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.
@@ -220,23 +275,11 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         }
         let choice = sampler.next_1d();
         let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { return false };
-        state.throughput *= s.weight;
-        state.eta_scale *= s.eta * s.eta;
-        *over = surface.overhang_into(s.wi);
-        let from = over.map_or(surface.position, |o| o.crest);
-        state.last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
-        if context.rr_start.is_some_and(|start| depth >= start) {
-            let survival = (state.throughput.max_element() * state.eta_scale).min(MAX_SURVIVAL);
-            if sampler.next_1d() >= survival {
-                return false;
-            }
-            state.throughput /= survival;
-        }
-        if state.throughput == Vec3::ZERO {
+        if !self.leave(context, sampler, depth, &surface, &s) {
             return false;
         }
-        flight.leave(surface.position, s.eta);
-        state.ray = surface.spawn(s.wi);
+        let from = self.over.map_or(surface.position, |o| o.crest);
+        self.state.last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
         true
     }
 }

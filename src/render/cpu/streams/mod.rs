@@ -28,15 +28,17 @@ pub use self::few::Few;
 use self::table::Table;
 use super::accel::Accel;
 use super::lanes::Isa;
+use super::together::{self, alone};
 use crate::math::lanes::{LANES, Reals, Row, transposed};
 use crate::render::Job;
+use crate::render::hierarchy::InLanes;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
-use crate::transport::integrator::nee::{self, Last, State, StepFn};
-use crate::transport::integrator::{Context, Settings, bdpt, bpt};
+use crate::transport::integrator::nee::{Last, State, StepFn};
+use crate::transport::integrator::{Context, bpt};
 use crate::transport::ray::{Hit, Ray};
-use crate::transport::sampler::{self, Independent, Sampler};
+use crate::transport::sampler::{Independent, Sampler};
 
 /// Samples of a tile: their records fill half of a cache of the first level.
 const TILE: usize = 256;
@@ -44,20 +46,19 @@ const TILE: usize = 256;
 /// In the place of a density where the last event was specular.
 const SPECULAR: f32 = -1.0;
 
-/// An integrator whose paths can go together.
+/// What paths do that can go together.
 struct Kind {
-    name: &'static str,
     /// Whether vertices are joined to lights.
     joined: bool,
     /// The step of one path by itself; `None` where samples have [two paths](joined).
     step: Option<StepFn>,
 }
 
-/// Every integrator whose paths can go together.
-const KINDS: [Kind; 3] = [
-    Kind { name: nee::ROW.name, joined: true, step: Some(State::step) },
-    Kind { name: bpt::ROW.name, joined: false, step: Some(bpt::step) },
-    Kind { name: bdpt::ROW.name, joined: true, step: None },
+/// The kinds of [`together::INTEGRATORS`].
+const KINDS: [Kind; together::INTEGRATORS.len()] = [
+    Kind { joined: true, step: Some(State::step) },
+    Kind { joined: false, step: Some(bpt::step) },
+    Kind { joined: true, step: None },
 ];
 
 /// The column and the index of a sample.
@@ -108,8 +109,7 @@ impl Record {
     }
 
     fn ray(&self) -> Ray {
-        let [x, y, z, u, v, w, ..] = self.rows[0].0;
-        Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+        ray_in(&self.rows[0])
     }
 
     fn state(&self) -> State {
@@ -120,29 +120,56 @@ impl Record {
     }
 
     fn numbers(&self) -> Independent {
-        let [.., a, b, c, d] = self.rows[2].0;
-        Independent::resumed([a, b, c, d].map(f32::to_bits), self.rows[1].0[6].to_bits())
+        numbers_in(&self.rows[2], self.rows[1].0[6].to_bits())
     }
 
     fn meet(&mut self, hit: &Hit) {
-        self.rows[2].0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+        put_hit(&mut self.rows[2], hit);
     }
 }
 
+/// The ray with which a row begins.
+#[inline]
+fn ray_in(row: &Row) -> Ray {
+    let [x, y, z, u, v, w, ..] = row.0;
+    Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+}
+
+/// The numbers with whose key a row ends, once so many of them are taken.
+#[inline]
+fn numbers_in(row: &Row, taken: u32) -> Independent {
+    let [.., a, b, c, d] = row.0;
+    Independent::resumed([a, b, c, d].map(f32::to_bits), taken)
+}
+
+/// Lets a row begin with where a ray met what.
+#[inline]
+fn put_hit(row: &mut Row, hit: &Hit) {
+    row.0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+}
+
+/// So many of a group as there are lanes. Lanes that have none do again what the first has, for nothing.
+#[inline(always)]
+fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
+    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
+}
+
 impl Streams {
-    /// For a job that asks for it and can be done so: `bpt`, or `nee` with one light for each vertex, independent numbers and
-    /// nothing but a picture, in a scene where neither parts of materials nor overhangs matter, on a processor with AVX2. `None`
-    /// for all others, and where no surface would gain.
+    /// For a job that wants it and [can be done so](alone), in a scene where neither parts of materials nor overhangs matter, on
+    /// a processor with AVX2. `None` for all others, where no surface would gain, and, unless lanes are asked for, where some
+    /// surface is unknown to them: that could make one technique wait and not another.
     pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
-        let kind = KINDS.iter().find(|kind| kind.name == job.integrator.name)?;
-        let plain = job.accel.lanes
-            && job.sampler.name == sampler::INDEPENDENT.name
-            && job.layers.is_empty()
-            && job.timing.is_none()
-            && !Settings::new(&job.params).all_lights
+        let kind = &KINDS[together::INTEGRATORS.iter().position(|name| *name == job.integrator.name)?];
+        let wanted = match job.accel.lanes {
+            InLanes::Never => false,
+            InLanes::Auto => table::knows_all(scene),
+            InLanes::Always => true,
+        };
+        let (layered, timed) = (!job.layers.is_empty(), job.timing.is_some());
+        let plain = alone(job.integrator, &job.params, job.sampler, layered, timed).is_none()
             && scene.delays.is_empty()
             && !scene.materials.iter().any(|m| m.shadow_terminator);
-        if !plain || accel.isa() != Isa::Avx2 {
+        if !wanted || !plain || accel.isa() != Isa::Avx2 {
             return None;
         }
         let pairs = kind.step.is_none();
@@ -225,7 +252,7 @@ impl Streams {
                     lists[class].push(path);
                 } else if brings_nothing(context, depth, hit) {
                     continue;
-                } else if alone(step, context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
+                } else if by_itself(step, context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
                     tile.next.push(path);
                 }
             }
@@ -250,7 +277,7 @@ impl Streams {
 }
 
 /// A step of one path by itself; whether it goes on.
-fn alone(
+fn by_itself(
     step: StepFn,
     context: &Context,
     pixel: [u32; 2],

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
-use super::{SPECULAR, Tile, Waiting, each, set, stored};
+use super::{SPECULAR, Tile, Waiting, each, filled, set, stored};
 use crate::math::Frame;
 use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Mask, Real, Vector, Word};
@@ -200,7 +200,7 @@ pub(super) fn step(table: &Table, common: Common, context: &Context, depth: u32,
 fn step_avx2(table: &Table, common: Common, context: &Context, depth: u32, paths: &[u32], tile: &mut Tile) {
     for group in paths.chunks(LANES) {
         // Lanes that have no path do again what the first has, for nothing.
-        let lanes: [usize; LANES] = std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }] as usize);
+        let lanes = each(filled(group), |path| path as usize);
         step_of_eight(table, common, context, depth, lanes, group.len(), tile);
     }
 }

@@ -77,6 +77,21 @@ fn known(scene: &CompiledScene, m: &Material) -> Option<Disney> {
     plain.then(|| Disney::new(m, m.base_color, m.roughness, mix))
 }
 
+/// Whether lanes know every surface, whoever's paths meet it, but for lamps that end them.
+pub(super) fn knows_all(scene: &CompiledScene) -> bool {
+    let known: Vec<bool> = scene.materials.iter().map(|m| known(scene, m).is_some()).collect();
+    let meets = |primitive: u32| {
+        let material = scene.material_of(primitive, NONE) as usize;
+        known[material] || ends(scene, primitive, material)
+    };
+    scene.instances.places.is_empty() && (0..scene.primitive_count()).all(|i| meets(i as u32))
+}
+
+/// Whether a surface ends paths: it shines and reflects nothing.
+fn ends(scene: &CompiledScene, primitive: u32, material: usize) -> bool {
+    scene.emitter_of(primitive, NONE) != NONE && !scene.materials[material].emitter_reflects
+}
+
 impl Table {
     /// Of a scene, for paths whose vertices are joined to lights or not, without surfaces that shine or with those that
     /// reflect as well; `None` where lanes know none of its surfaces.
@@ -111,10 +126,7 @@ impl Table {
     /// Whether lanes know every surface that a path can meet and go on: all but lamps that end it.
     pub fn is_whole(&self, scene: &CompiledScene) -> bool {
         let world = (0..scene.world_triangles()).chain(scene.triangles.len()..scene.primitive_count());
-        let ends = |primitive: u32| {
-            let material = &scene.materials[scene.material_of(primitive, NONE) as usize];
-            scene.emitter_of(primitive, NONE) != NONE && !material.emitter_reflects
-        };
+        let ends = |primitive: u32| ends(scene, primitive, scene.material_of(primitive, NONE) as usize);
         scene.instances.places.is_empty() && world.map(|i| i as u32).all(|i| self.class(i).is_some() || ends(i))
     }
 

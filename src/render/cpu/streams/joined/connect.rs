@@ -7,7 +7,7 @@ use super::{Node, Subpaths, Work};
 use crate::math::lanes::{Doubles, LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::render::cpu::streams::shade::{Vertices, shadow_ray, shadow_rays};
-use crate::render::cpu::streams::{each, set, stored};
+use crate::render::cpu::streams::{each, filled, set, stored};
 use crate::transport::bsdf::{BsdfValue, Mode};
 use crate::transport::camera::FilterSpec;
 use crate::transport::camera::lens::Projection;
@@ -329,12 +329,6 @@ fn loaded(work: &Work, class: usize, nodes: [&Node; LANES], active: Yes) -> Load
     let (point, wo, throughput, side) = places(nodes);
     let rows = nodes.map(|node| &work.table.rows[node.rows[0].0[7].to_bits() as usize]);
     Loaded { vertices: Vertices::new(point, wo, rows, &work.table.common(class), active), throughput, side }
-}
-
-/// So many of a group as there are lanes: those that have none have the first.
-#[inline(always)]
-pub(super) fn filled<T: Copy>(group: &[T]) -> [T; LANES] {
-    std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }])
 }
 
 /// The keys of the numbers of paths.

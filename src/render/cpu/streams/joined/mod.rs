@@ -14,7 +14,7 @@ use glam::Vec3;
 use self::connect::Lists;
 use self::start::Starts;
 use super::table::Table;
-use super::{Named, Record};
+use super::{Named, Record, numbers_in, put_hit, ray_in};
 use crate::math::lanes::Row;
 use crate::render::Job;
 use crate::scene::compile::NONE;
@@ -88,8 +88,7 @@ pub(super) struct Tile {
 
 impl Walker {
     fn ray(&self) -> Ray {
-        let [x, y, z, u, v, w, ..] = self.rows[0].0;
-        Ray { origin: Vec3::new(x, y, z), dir: Vec3::new(u, v, w) }
+        ray_in(&self.rows[0])
     }
 
     fn throughput(&self) -> Vec3 {
@@ -109,12 +108,11 @@ impl Walker {
     }
 
     fn numbers(&self, taken: u32) -> Independent {
-        let [.., a, b, c, d] = self.rows[2].0;
-        Independent::resumed([a, b, c, d].map(f32::to_bits), taken)
+        numbers_in(&self.rows[2], taken)
     }
 
     fn meet(&mut self, hit: &Hit, found: Vec3) {
-        self.rows[2].0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+        put_hit(&mut self.rows[2], hit);
         self.rows[3].0[5..].copy_from_slice(&found.to_array());
     }
 }

@@ -3,14 +3,14 @@
 
 use glam::Vec3;
 
-use super::connect::{Splat, To, Waiting, filled, keys, words};
+use super::connect::{Splat, To, Waiting, keys, words};
 use super::{Subpaths, Walker, Work};
 use crate::math::lanes::{LANES, Reals, Row, Vectors, Words, Yes, transposed};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::math::{Frame, warp};
 use crate::render::cpu::streams::lamps::{Chosen, plain_ends};
 use crate::render::cpu::streams::shade::shadow_rays;
-use crate::render::cpu::streams::{each, set, stored};
+use crate::render::cpu::streams::{each, filled, set, stored};
 use crate::transport::integrator::bdpt::connect::seen;
 use crate::transport::integrator::bdpt::weights::others_of_seen;
 use crate::transport::light::{EmissionSample, area};

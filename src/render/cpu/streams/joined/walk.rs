@@ -8,7 +8,7 @@ use crate::math::lanes::{Doubles, LANES, Reals, Vectors, Words, Yes, transposed}
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
-use crate::render::cpu::streams::{each, set, stored};
+use crate::render::cpu::streams::{each, filled, set, stored};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::Mode;
 use crate::transport::integrator::bdpt::weights::{Chain, Link, Side};
@@ -82,8 +82,7 @@ impl Step<'_> {
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
     fn paths<const LIGHT: bool>(&self, list: &[u32], paths: &mut Subpaths) {
         for group in list.chunks(LANES) {
-            // Lanes that have no path do again what the first has, for nothing.
-            let lanes: [usize; LANES] = std::array::from_fn(|i| group[if i < group.len() { i } else { 0 }] as usize);
+            let lanes = each(filled(group), |path| path as usize);
             self.eight::<LIGHT>(lanes, Yes::first(group.len()), paths);
         }
     }
