@@ -15,7 +15,21 @@ layout(set = 0, binding = 3, scalar) restrict readonly buffer TangentRows { Tang
 layout(set = 0, binding = 4, scalar) restrict readonly buffer Spheres { Sphere spheres[]; };
 layout(set = 0, binding = 5, scalar) restrict readonly buffer Materials { Material materials[]; };
 layout(set = 0, binding = 6, scalar) restrict readonly buffer Textures { Texture textures[]; };
+#ifdef TEXEL_SHIFT
+// Texels that are more than one buffer may hold lie in blocks of 2^TEXEL_SHIFT, whose addresses are bound. A switch between
+// bound blocks would be a branch for every texel, which devices pay for, and drivers that compile it.
+#extension GL_EXT_buffer_reference_uvec2 : require
+layout(buffer_reference, scalar, buffer_reference_align = 4) restrict readonly buffer TexelBlock { vec3 rows[]; };
+layout(set = 0, binding = 7, scalar) restrict readonly buffer TexelBlocks { uvec2 texel_blocks[]; };
+vec3 texel_at(uint index) {
+    return TexelBlock(texel_blocks[index >> TEXEL_SHIFT]).rows[index & ((1u << TEXEL_SHIFT) - 1u)];
+}
+#else
 layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texels[]; };
+vec3 texel_at(uint index) {
+    return texels[index];
+}
+#endif
 layout(set = 0, binding = 8, scalar) restrict readonly buffer Emitters { Emitter emitters[]; };
 layout(set = 0, binding = 9, scalar) restrict readonly buffer Points { PointLight points[]; };
 layout(set = 0, binding = 10, scalar) restrict readonly buffer Directionals { DirectionalLight directionals[]; };

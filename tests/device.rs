@@ -20,6 +20,7 @@ mod device {
     mod parity;
     mod paths;
     mod reports;
+    mod texels;
     mod times;
     mod twins;
     mod worker;

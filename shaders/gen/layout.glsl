@@ -144,7 +144,7 @@ struct Knot {
     uvec2 below; // Probability of everything below.
 };
 
-// A texture: texels `[y][x]` from `texels[first]`, linear, origin top-left.
+// A texture: texels `[y][x]` from `texel_at(first)`, linear, origin top-left.
 struct Texture {
     uint first; // Index of the first texel.
     uint width; // Columns.

@@ -100,8 +100,8 @@ vec3 texture_bilinear(uint index, vec2 place) {
     float top = t.wrap.y == WRAP_REPEAT ? 0.0 : 1.0;
     uvec2 y = neighbours(top - place.y, t.height, t.wrap.y, f.y);
     uvec2 rows = t.first + y * t.width;
-    vec3 upper = mix(texels[rows.x + x.x], texels[rows.x + x.y], f.x);
-    vec3 lower = mix(texels[rows.y + x.x], texels[rows.y + x.y], f.x);
+    vec3 upper = mix(texel_at(rows.x + x.x), texel_at(rows.x + x.y), f.x);
+    vec3 lower = mix(texel_at(rows.y + x.x), texel_at(rows.y + x.y), f.x);
     return mix(upper, lower, f.y);
 }
 
@@ -130,7 +130,7 @@ Uv triangle_uv(uint primitive, vec2 at) {
     vec2 own = a.ta * (1.0 - at.x - at.y) + a.tb * at.x + a.tc * at.y;
 #ifdef SECOND_UVS
     uint first = job.first_second_uv + 3u * primitive;
-    vec3 second = texels[first] * (1.0 - at.x - at.y) + texels[first + 1u] * at.x + texels[first + 2u] * at.y;
+    vec3 second = texel_at(first) * (1.0 - at.x - at.y) + texel_at(first + 1u) * at.x + texel_at(first + 2u) * at.y;
     return Uv(own, second.xy);
 #else
     return own;
@@ -236,8 +236,8 @@ void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
 #ifdef SECOND_UVS
         if (textures[bump_map].second != 0u) {
             uint row = job.first_second_uv + 3u * hit.primitive;
-            vec2 corner = texels[row].xy;
-            rises = vec2(dot(slopes, texels[row + 1u].xy - corner), dot(slopes, texels[row + 2u].xy - corner));
+            vec2 corner = texel_at(row).xy;
+            rises = vec2(dot(slopes, texel_at(row + 1u).xy - corner), dot(slopes, texel_at(row + 2u).xy - corner));
         }
 #endif
     } else {
@@ -296,7 +296,7 @@ vec3 tint_at(uint primitive, vec2 uv) {
         return vec3(1.0);
     }
     uint first = job.first_color + 3u * primitive;
-    return texels[first] * (1.0 - uv.x - uv.y) + texels[first + 1u] * uv.x + texels[first + 2u] * uv.y;
+    return texel_at(first) * (1.0 - uv.x - uv.y) + texel_at(first + 1u) * uv.x + texel_at(first + 2u) * uv.y;
 }
 
 // The surface at a hit of `ray` with the material of this row.

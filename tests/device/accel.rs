@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3};
 use lumbre::render::hierarchy::{AccelSpec, Builder, Quality};
+use lumbre::render::vulkan::device::Device;
+use lumbre::render::vulkan::layout::TriangleAttributes;
 use lumbre::render::vulkan::program::Kind;
 use lumbre::render::vulkan::renderer::VulkanRenderer;
 use lumbre::render::vulkan::spirv::Sources;
@@ -60,5 +62,36 @@ fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
     assert!(cost(&bins) != cost(&sah) && cost(&fine) != cost(&coarse), "bins and leaves count");
     assert_eq!((ploc.0.accel_nodes, cost(&ploc)), (cwbvh.0.accel_nodes, cost(&cwbvh)), "the same by this backend");
     assert!(cost(&fast) != stats.accel_cost, "quality counts");
+    harness::silent();
+}
+
+#[test]
+fn a_structure_may_be_larger_than_what_shaders_see_of_an_array() {
+    let Some(device) = harness::device() else { return };
+    let kind = harness::quick(&device);
+    if kind == Kind::Compute {
+        println!("SKIPPED: {} has no structures of its own", device.info.line());
+        return;
+    }
+    let mut b = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 60.0).environment(None, Vec3::ONE, 0.0);
+    for i in 0..4096 {
+        let a = Vec3::new((i % 64) as f32, (i / 64) as f32, 0.0) / 32.0 - 1.0;
+        b = b.triangle([a, a + Vec3::X / 40.0, a + Vec3::Y / 40.0], [Vec2::ZERO; 3], grey(0.5));
+    }
+    let scene = b.with(|s| {
+        s.attributes.iter_mut().for_each(|a| a.material = 0);
+        s.materials.truncate(1);
+    });
+    let scene = scene.build();
+    let mut info = device.info.clone();
+    // Room for the largest of its arrays and no more.
+    info.limits.storage_range = (scene.triangles.len() * size_of::<TriangleAttributes>()) as u64;
+    let (range, narrow) = (info.limits.storage_range, Device::open(info, device.info.caps).unwrap());
+    let job = Job { integrator: integrator("bpt").unwrap(), ..job([24, 16], 3, 5) };
+    let mut renderer = VulkanRenderer::new(&narrow, kind, &Sources::Embedded, &scene, &job).unwrap();
+    let bytes = renderer.open_stats().accel_bytes;
+    renderer.advance(1).unwrap();
+    println!("structures of {bytes} bytes where an array may have {range}");
+    assert!(bytes > range, "this scene shows nothing");
     harness::silent();
 }

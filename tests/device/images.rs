@@ -97,7 +97,7 @@ fn same_on(of: &[Kind], name: &str, scene: &Arc<CompiledScene>, job: &Job, sampl
 }
 
 /// Every kind of light, masks, a textured floor, and surfaces of ideal models.
-fn lamps() -> Arc<CompiledScene> {
+pub fn lamps() -> Arc<CompiledScene> {
     let image = |width: u32, texels: Vec<[f32; 3]>| Texture::new(width, texels.len() as u32 / width, texels);
     let mut builder = SceneBuilder::new(Vec3::new(0.3, 0.8, 3.0), Vec3::new(0.0, 0.3, 0.0), 50.0);
     let checks = builder.texture(image(2, vec![[0.9, 0.2, 0.1], [0.1, 0.3, 0.8], [0.5; 3], [0.8, 0.8, 0.2]]));

@@ -29,8 +29,8 @@ vec3 environment_bilinear(vec2 uv) {
     // From -1 to the size, both included.
     ivec2 columns = (ivec2(low.x, low.x + 1) + size.x) % size.x;
     ivec2 rows = clamp(ivec2(low.y, low.y + 1), 0, size.y - 1) * size.x;
-    vec3 upper = mix(texels[first + uint(rows.x + columns.x)], texels[first + uint(rows.x + columns.y)], f.x);
-    vec3 lower = mix(texels[first + uint(rows.y + columns.x)], texels[first + uint(rows.y + columns.y)], f.x);
+    vec3 upper = mix(texel_at(first + uint(rows.x + columns.x)), texel_at(first + uint(rows.x + columns.y)), f.x);
+    vec3 lower = mix(texel_at(first + uint(rows.y + columns.x)), texel_at(first + uint(rows.y + columns.y)), f.x);
     return mix(upper, lower, f.y);
 }
 

@@ -211,7 +211,7 @@ fn build(
     }
     let built = storage(device, accel, name, sizes.acceleration_structure_size, kind)?;
     let alignment = device.info.limits.scratch_alignment;
-    let scratch = Buffer::new(
+    let scratch = Buffer::by_address(
         device,
         "scratch of a build",
         sizes.build_scratch_size + alignment,
@@ -290,7 +290,7 @@ fn storage(
     kind: vk::AccelerationStructureTypeKHR,
 ) -> Result<Structure, VulkanError> {
     let usage = vk::BufferUsageFlags::ACCELERATION_STRUCTURE_STORAGE_KHR | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
-    let memory = Buffer::new(device, &format!("acceleration structure of {name}"), size.max(256), usage)?;
+    let memory = Buffer::by_address(device, &format!("acceleration structure of {name}"), size.max(256), usage)?;
     let info = vk::AccelerationStructureCreateInfoKHR::default().buffer(memory.raw).size(size).ty(kind);
     // SAFETY: the buffer is as large as the structure.
     let raw = unsafe { accel.create_acceleration_structure(&info, None) }

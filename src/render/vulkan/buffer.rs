@@ -38,16 +38,23 @@ impl Buffer {
         size: u64,
         usage: vk::BufferUsageFlags,
     ) -> Result<Buffer, VulkanError> {
-        let range = device.info.limits.storage_range;
-        let (found, remedy) = if size > range {
-            (range, "one array of a scene must fit into one storage buffer; make meshes or textures smaller")
-        } else {
-            (device.info.limits.heap, "the scene and its films must fit into the device's memory")
-        };
-        if size > found {
-            let (device, what) = (device.info.line(), name.to_owned());
-            return Err(VulkanError::TooLarge { device, what, needed_mib: mib(size), found_mib: mib(found), remedy });
-        }
+        let remedy = "one array of a scene must fit into one storage buffer; make meshes or textures smaller";
+        at_most(device, name, size, device.info.limits.storage_range, remedy)?;
+        Buffer::by_address(device, name, size, usage)
+    }
+
+    /// The same of a buffer that is never bound, so that it may be larger than what shaders see of one that is.
+    ///
+    /// # Errors
+    /// When it is larger than the device holds, or there is no memory left.
+    pub fn by_address(
+        device: &Arc<Device>,
+        name: &str,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+    ) -> Result<Buffer, VulkanError> {
+        let remedy = "the scene and its films must fit into the device's memory";
+        at_most(device, name, size, device.info.limits.heap, remedy)?;
         Buffer::make(device, name, size, STORAGE | usage, MemoryLocation::GpuOnly)
     }
 
@@ -164,6 +171,21 @@ impl Buffer {
         // SAFETY: the buffer has memory.
         unsafe { self.device.raw.get_buffer_device_address(&info) }
     }
+}
+
+/// Refuses what is larger than a limit.
+pub(super) fn at_most(
+    device: &Device,
+    what: &str,
+    size: u64,
+    found: u64,
+    remedy: &'static str,
+) -> Result<(), VulkanError> {
+    if size <= found {
+        return Ok(());
+    }
+    let (device, what) = (device.info.line(), what.to_owned());
+    Err(VulkanError::TooLarge { device, what, needed_mib: mib(size), found_mib: mib(found), remedy })
 }
 
 impl Drop for Buffer {

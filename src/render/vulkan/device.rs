@@ -22,7 +22,7 @@ pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
 pub struct Caps {
     /// Structures in buffers without padding; everything needs it.
     pub scalar_layout: bool,
-    /// Buffers with addresses, which acceleration structures need.
+    /// Buffers with addresses, which acceleration structures need, and texels where there are many.
     pub addresses: bool,
     /// Ray-tracing pipelines.
     pub pipeline: bool,
@@ -39,6 +39,8 @@ pub struct Caps {
 pub struct Limits {
     /// Most bytes of one storage buffer that a shader can see.
     pub storage_range: u64,
+    /// Most bytes of texels in one buffer: as many as of any storage buffer, unless a test wants them cut into blocks.
+    pub texels: u64,
     /// Bytes of the largest device-local heap.
     pub heap: u64,
     /// Nanoseconds of a step of the device's clock; 0 if it has none.
@@ -180,6 +182,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
     let bits = families[queue_family].timestamp_valid_bits;
     let limits = Limits {
         storage_range: u64::from(core.limits.max_storage_buffer_range),
+        texels: u64::from(core.limits.max_storage_buffer_range),
         heap,
         timestamp_ns: if bits > 0 { f64::from(core.limits.timestamp_period) } else { 0.0 },
         timestamp_mask: u64::MAX.checked_shr(64 - bits.min(64)).unwrap_or(0),
@@ -274,6 +277,7 @@ impl Device {
         info.caps = caps;
         let call = |call: &'static str| move |result| VulkanError::Call { call, result, pass: "open".to_owned() };
         let traces = caps.pipeline || caps.query;
+        let addresses = caps.addresses || traces;
         let mut names = Vec::new();
         if traces {
             names.extend([khr::acceleration_structure::NAME, khr::deferred_host_operations::NAME]);
@@ -287,7 +291,7 @@ impl Device {
         }
         let names: Vec<_> = names.into_iter().map(CStr::as_ptr).collect();
         let mut vulkan12 =
-            vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).buffer_device_address(traces);
+            vk::PhysicalDeviceVulkan12Features::default().scalar_block_layout(true).buffer_device_address(addresses);
         let mut accel = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
         let mut pipeline = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
         let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
@@ -322,7 +326,7 @@ impl Device {
             device: raw.clone(),
             physical_device: info.physical,
             debug_settings: Default::default(),
-            buffer_device_address: traces,
+            buffer_device_address: addresses,
             allocation_sizes: Default::default(),
         })
         .map_err(|e| VulkanError::NoDevice(format!("its memory cannot be managed: {e}")))?;

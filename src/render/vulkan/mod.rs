@@ -23,6 +23,7 @@ pub mod renderer;
 mod session;
 pub mod spirv;
 mod submission;
+mod texels;
 mod times;
 mod tracing;
 pub mod upload;

@@ -165,6 +165,9 @@ impl VulkanRenderer {
         if !scene.second_uvs.is_empty() {
             defines.push(("SECOND_UVS", String::new()));
         }
+        if let Some(shift) = scene_buffers.texel_shift() {
+            defines.push(("TEXEL_SHIFT", format!("{shift}u")));
+        }
         if steps {
             defines.push(("PATHS", String::new()));
         }

@@ -12,6 +12,7 @@ use super::device::Device;
 use super::error::VulkanError;
 use super::layout::{self, EnvironmentRow, LightChoice};
 use super::pipeline::Bound;
+use super::texels::Texels;
 use crate::film::layer::{Layer, Layout};
 use crate::film::time::TimeFilter;
 use crate::render;
@@ -39,7 +40,10 @@ fn number(model: Model) -> u32 {
 pub struct SceneBuffers {
     /// Corners of the triangles, which acceleration structures are built from.
     pub triangles: Buffer,
-    others: [Buffer; 11],
+    surfaces: [Buffer; 5],
+    texels: Texels,
+    lights: [Buffer; 3],
+    copies: [Buffer; 2],
 }
 
 /// What depends on the job too.
@@ -66,7 +70,7 @@ impl SceneBuffers {
         } else {
             plain
         };
-        let (textures, texels) = textures(scene);
+        let (textures, texels) = textures(device, scene)?;
         let tangents: Vec<layout::Tangents> = scene
             .tangents
             .iter()
@@ -105,20 +109,29 @@ impl SceneBuffers {
             .collect();
         Ok(SceneBuffers {
             triangles: Buffer::with(device, "triangles", &triangles, build)?,
-            others: [
+            surfaces: [
                 Buffer::with(device, "attributes of triangles", &attributes, plain)?,
                 Buffer::with(device, "tangents", &tangents, plain)?,
                 Buffer::with(device, "spheres", &spheres, plain)?,
                 Buffer::with(device, "materials", &materials, plain)?,
                 Buffer::with(device, "textures", &textures, plain)?,
-                Buffer::with(device, "texels", &texels, plain)?,
+            ],
+            texels: Texels::new(device, &texels)?,
+            lights: [
                 Buffer::with(device, "emitters", &emitters, plain)?,
                 Buffer::with(device, "point lights", &points, plain)?,
                 Buffer::with(device, "directional lights", &directionals, plain)?,
+            ],
+            copies: [
                 Buffer::with(device, "places of copies", &places(scene), plain)?,
                 Buffer::with(device, "materials of copies", &scene.instances.materials, plain)?,
             ],
         })
+    }
+
+    /// Where texels lie in blocks, the binary logarithm of how many make one: shaders need it as `TEXEL_SHIFT`.
+    pub fn texel_shift(&self) -> Option<u32> {
+        self.texels.shift
     }
 }
 
@@ -155,7 +168,9 @@ impl JobBuffers {
 
 /// The first bindings of every descriptor set, in the order of `shaders/scene.glsl`.
 pub fn bound<'a>(scene: &'a SceneBuffers, job: &'a JobBuffers) -> Vec<Bound<'a>> {
-    [&job.job, &scene.triangles].into_iter().chain(&scene.others).chain(&job.others).map(Bound::Storage).collect()
+    let of_scene = [&scene.triangles].into_iter().chain(&scene.surfaces).chain([&scene.texels.bound]);
+    let of_scene = of_scene.chain(&scene.lights).chain(&scene.copies);
+    [&job.job].into_iter().chain(of_scene).chain(&job.others).map(Bound::Storage).collect()
 }
 
 fn places(scene: &CompiledScene) -> Vec<layout::Place> {
@@ -255,23 +270,26 @@ fn map_of(scene: &CompiledScene) -> Option<&compile::Texture> {
 
 /// All textures, the environment's map last, each with the index of its first texel; and behind the last texel. Textures
 /// may share texels, which are there once.
-fn placed(scene: &CompiledScene) -> (Vec<(&compile::Texture, u32)>, u32) {
+fn placed(scene: &CompiledScene) -> (Vec<(&compile::Texture, u64)>, u64) {
     let (mut known, mut rows, mut end) = (BTreeMap::new(), Vec::new(), 0);
     for t in scene.textures.iter().chain(map_of(scene)) {
         let first = *known.entry(Arc::as_ptr(&t.texels).cast::<()>()).or_insert(end);
-        end = end.max(first + t.texels.len() as u32);
+        end = end.max(first + t.texels.len() as u64);
         rows.push((t, first));
     }
     (rows, end)
 }
 
 /// Textures and their texels; behind those what triangles have at their corners: colours, and second coordinates.
-fn textures(scene: &CompiledScene) -> (Vec<layout::Texture>, Vec<[f32; 3]>) {
+fn textures(device: &Device, scene: &CompiledScene) -> Result<(Vec<layout::Texture>, Vec<[f32; 3]>), VulkanError> {
+    let (placed, behind) = placed(scene);
+    let corners = scene.colors.as_flattened().len() + scene.second_uvs.as_flattened().len();
+    Texels::countable(device, behind + corners as u64)?;
     let (mut rows, mut texels) = (Vec::new(), Vec::new());
-    for (t, first) in placed(scene).0 {
+    for (t, first) in placed {
         let map = t.lookup.map.unwrap_or_default();
         rows.push(layout::Texture {
-            first,
+            first: first as u32,
             width: t.width,
             height: t.height,
             wrap: t.lookup.wrap.map(|wrap| wrap as u32),
@@ -281,13 +299,13 @@ fn textures(scene: &CompiledScene) -> (Vec<layout::Texture>, Vec<[f32; 3]>) {
             map_v: map.matrix2.y_axis.into(),
             map_origin: map.translation.into(),
         });
-        if first as usize == texels.len() {
+        if first == texels.len() as u64 {
             texels.extend_from_slice(&t.texels);
         }
     }
     texels.extend(scene.colors.as_flattened().iter().map(Vec3::to_array));
     texels.extend(scene.second_uvs.as_flattened().iter().map(|uv| [uv.x, uv.y, 0.0]));
-    (rows, texels)
+    Ok((rows, texels))
 }
 
 /// Of every film its place among those on which splats land, or NONE.
@@ -327,7 +345,7 @@ fn constants(scene: &CompiledScene, job: &render::Job, lights: &Lights, layers: 
     let map = surroundings.and_then(|s| s.map.as_ref());
     let timing = job.timing.as_ref();
     let axis = timing.map(|t| t.axis);
-    let behind = placed(scene).1;
+    let behind = placed(scene).1 as u32;
     let (filter, radius) = match timing.map_or(TimeFilter::None, |t| t.filter) {
         TimeFilter::None => (0, 0.0),
         TimeFilter::Box(radius) => (1, radius),

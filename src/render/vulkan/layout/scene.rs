@@ -177,7 +177,7 @@ super::gpu_structs! {
         below: [u32; 2],
     }
 
-    /// A texture: texels `[y][x]` from `texels[first]`, linear, origin top-left.
+    /// A texture: texels `[y][x]` from `texel_at(first)`, linear, origin top-left.
     pub struct Texture {
         /// Index of the first texel.
         first: u32,
