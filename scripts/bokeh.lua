@@ -30,6 +30,8 @@ x:render(function(p)
     aa = { filter = "tent", radius = 1 },
     camera = { f_number = p.f_number, focus_distance = p.focus },
     sampler = p.sampler,
+    -- Sobol's paths go one by one, and so do the others, or times would compare that.
+    accel = { lanes = "never" },
   }
 end)
 

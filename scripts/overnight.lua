@@ -74,6 +74,8 @@ x:render(function(p)
     max_depth = p.depth,
     resolution = p.quick and { 80, 45 } or { 1280, 720 },
     films = films(p),
+    -- Runs with films go one by one, which is to keep no other stage from going in lanes.
+    accel = { lanes = films(p) and "never" or "auto" },
   }
 end)
 
