@@ -392,8 +392,6 @@ fn owner(folder: &Path, hash: &str) -> Owner {
 /// The folder and its lock, with as few digits of the hash as are free, and whether nobody else works in it. The lock is
 /// then exclusive, and to be shared once the folder is in order.
 fn home(out: &Path, plan: &Plan) -> Result<(PathBuf, File, bool), StoreError> {
-    let unwritable =
-        |path: &Path, e: &std::io::Error| StoreError::Unwritable { path: path.to_owned(), reason: e.to_string() };
     let mut digits = layout::HASH_DIGITS;
     loop {
         let folder = layout::experiment_folder(out, &plan.name, &plan.hash, digits);
@@ -401,7 +399,7 @@ fn home(out: &Path, plan: &Plan) -> Result<(PathBuf, File, bool), StoreError> {
         let last = digits >= plan.hash.len();
         let taken = |folder: &Path| matches!(owner(folder, &plan.hash), Owner::Other) && !last;
         if !taken(&folder) {
-            fs::create_dir_all(&folder).map_err(|e| unwritable(&folder, &e))?;
+            fs::create_dir_all(&folder).map_err(|e| StoreError::unwritable(&folder, &e))?;
             let (lock, alone) = lock(&folder)?;
             // Between the look and the lock, another process may have moved in.
             if !taken(&folder) {
@@ -425,7 +423,7 @@ impl Drop for Store {
 /// The lock of a folder: exclusive and true if nobody has it, shared with those who do otherwise.
 pub(super) fn lock(folder: &Path) -> Result<(File, bool), StoreError> {
     let path = folder.join("lock");
-    let unwritable = |e: &std::io::Error| StoreError::Unwritable { path: path.clone(), reason: e.to_string() };
+    let unwritable = |e: &std::io::Error| StoreError::unwritable(&path, e);
     let file = OpenOptions::new()
         .create(true)
         .read(true)

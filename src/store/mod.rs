@@ -86,6 +86,8 @@ pub enum StoreError {
         path: PathBuf,
         /// What the system said.
         reason: String,
+        /// Whether there was no space left: it may come back.
+        full: bool,
     },
     /// A file operation failed.
     #[error("cannot {action} {}: {reason}", path.display())]
@@ -122,12 +124,20 @@ pub enum StoreError {
 impl StoreError {
     /// The error of a failed file operation.
     fn io(action: &'static str, path: &std::path::Path, error: &std::io::Error) -> StoreError {
-        let full = matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded);
-        StoreError::Io { action, path: path.to_owned(), reason: error.to_string(), full }
+        StoreError::Io { action, path: path.to_owned(), reason: error.to_string(), full: is_of_space(error) }
+    }
+
+    /// The error of what cannot be written where results should go.
+    fn unwritable(path: &std::path::Path, error: &std::io::Error) -> StoreError {
+        StoreError::Unwritable { path: path.to_owned(), reason: error.to_string(), full: is_of_space(error) }
     }
 
     /// Whether the disk, or a quota on it, is full.
     pub fn is_full(&self) -> bool {
-        matches!(self, StoreError::Io { full: true, .. })
+        matches!(self, StoreError::Io { full: true, .. } | StoreError::Unwritable { full: true, .. })
     }
+}
+
+fn is_of_space(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
 }

@@ -55,7 +55,7 @@ pub fn probe(folder: &Path) -> Result<(), StoreError> {
         file.write_all(b"probe")?;
         file.sync_all()
     };
-    attempt().map_err(|e| StoreError::Unwritable { path: folder.to_owned(), reason: e.to_string() })
+    attempt().map_err(|e| StoreError::unwritable(folder, &e))
 }
 
 /// Removes temporary files that a crash left in a folder that nobody else writes to.

@@ -1,5 +1,6 @@
 //! A folder with a small scene and scripts, in which the program is run.
 
+use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -69,8 +70,8 @@ impl Disk {
 
     /// Writes a file until nothing more fits but `left` bytes.
     pub fn fill(&self, left: usize) {
-        let mut file = std::fs::File::create(self.folder.join("ballast")).unwrap();
-        let mut filled = 0;
+        let mut file = OpenOptions::new().create(true).append(true).open(self.folder.join("ballast")).unwrap();
+        let mut filled = file.metadata().unwrap().len() as usize;
         while let Ok(some @ 1..) = file.write(&[7; 4096]) {
             filled += some;
         }

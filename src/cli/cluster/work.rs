@@ -17,6 +17,7 @@ use crate::cli::run::{
     Watcher, counted, devices_of, exit_of, print_tables, say_disagreements, say_failures, write_evidence,
 };
 use crate::cli::signals::{self, Heard};
+use crate::cli::space::{self, patiently};
 use crate::cli::until;
 use crate::experiment::event::Event;
 use crate::experiment::forecast::Paces;
@@ -56,7 +57,10 @@ pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure
             "note: nothing of this plan is rendered on a graphics device; --device {device} is not looked at"
         ));
     }
-    let store = Store::join(&home, &plan, &frozen, decode, &me).map_err(Failure::usage)?;
+    // Those that came before may have filled the disk, and wait as well.
+    let wait = || std::thread::sleep(space::STEP);
+    let store = patiently(&Control::default(), &wait, || Store::join(&home, &plan, &frozen, decode, &me));
+    let store = store.map_err(Failure::usage)?;
     let worker = Worker { script: &script, plan: &plan, store: &store, global, log, args };
     let ended = worker.work();
     store.leave(&match &ended {
