@@ -24,7 +24,7 @@ use crate::scene::compile::{MAX_PRIMITIVES, NONE};
 pub(super) const STACK: usize = 256;
 
 /// Scenes of no more primitives are one leaf: testing all of them costs less than finding out which.
-pub(super) const ONE_LEAF: usize = 2 * LANES;
+pub(super) const ONE_LEAF: usize = 5 * LANES;
 
 /// A scene's hierarchy.
 pub struct Accel {
