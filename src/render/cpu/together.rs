@@ -8,7 +8,20 @@ use crate::transport::sampler::{self, SamplerRow};
 use crate::value::Value;
 
 /// The integrators whose paths can go together.
-pub(super) const INTEGRATORS: [&str; 3] = [nee::ROW.name, bpt::ROW.name, bdpt::ROW.name];
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Nee,
+    Bpt,
+    Bdpt,
+}
+
+impl Kind {
+    /// Which of them this is.
+    pub fn of(integrator: &IntegratorRow) -> Option<Kind> {
+        let kinds = [(nee::ROW.name, Kind::Nee), (bpt::ROW.name, Kind::Bpt), (bdpt::ROW.name, Kind::Bdpt)];
+        kinds.into_iter().find_map(|(name, kind)| (name == integrator.name).then_some(kind))
+    }
+}
 
 /// Why the paths of such a run go one by one, whatever its scene, in words that end a sentence; `None` where they need not.
 pub fn alone(
@@ -17,7 +30,7 @@ pub fn alone(
     sampler: &SamplerRow,
     layered: bool,
 ) -> Option<String> {
-    if !INTEGRATORS.contains(&integrator.name) {
+    if Kind::of(integrator).is_none() {
         return Some(format!("by `{}`", integrator.name));
     }
     if sampler.name != sampler::INDEPENDENT.name {

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use super::nee::{State, Timed, Walk};
+use super::nee::{State, Walk};
 use super::{Context, IntegratorRow};
 use crate::scene::compile::NONE;
 use crate::transport::bsdf::{Bsdf, Mode};
@@ -25,52 +25,15 @@ pub const ROW: IntegratorRow = IntegratorRow {
 
 fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     if context.timed() {
-        path::<true>(context, pixel, sampler, sink);
+        Walk::<true>::follow(context, pixel, sampler, sink, step);
     } else {
-        path::<false>(context, pixel, sampler, sink);
+        Walk::<false>::follow(context, pixel, sampler, sink, step);
     }
 }
 
-fn path<const TIMED: bool>(
-    context: &Context,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-) {
-    Walk::<TIMED>::follow(context, pixel, sampler, |walk, sampler, depth, hit| {
-        step_of(walk, context, pixel, sampler, sink, depth, hit)
-    });
-}
-
 /// A [`StepFn`](super::nee::StepFn).
-pub fn step(
-    state: &mut State,
-    context: &Context,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-    depth: u32,
-    hit: Option<Hit>,
-) -> bool {
-    state.once(context, sampler, |walk, sampler| step_of(walk, context, pixel, sampler, sink, depth, hit))
-}
-
-/// A [`TimedStepFn`](super::nee::TimedStepFn).
-pub fn timed_step<'a>(
-    path: &mut Timed<'a>,
-    context: &Context<'a>,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-    depth: u32,
-    hit: Option<Hit>,
-) -> bool {
-    path.once(sampler, |walk, sampler| step_of(walk, context, pixel, sampler, sink, depth, hit))
-}
-
-/// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.
 #[inline(always)]
-fn step_of<'a, const TIMED: bool>(
+pub fn step<'a, const TIMED: bool>(
     walk: &mut Walk<'a, TIMED>,
     context: &Context<'a>,
     pixel: [u32; 2],

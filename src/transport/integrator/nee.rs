@@ -55,21 +55,10 @@ fn weight_of_hit(settings: &Settings, last: Option<Last>, pdf_w: impl FnOnce(Vec
 
 fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
     if context.timed() {
-        path::<true>(context, pixel, sampler, sink);
+        Walk::<true>::follow(context, pixel, sampler, sink, step);
     } else {
-        path::<false>(context, pixel, sampler, sink);
+        Walk::<false>::follow(context, pixel, sampler, sink, step);
     }
-}
-
-fn path<const TIMED: bool>(
-    context: &Context,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-) {
-    Walk::<TIMED>::follow(context, pixel, sampler, |walk, sampler, depth, hit| {
-        walk.step(context, pixel, sampler, sink, depth, hit)
-    });
 }
 
 /// What a path brings to its next vertex, where neither time nor an overhang matters.
@@ -91,88 +80,21 @@ impl State {
     pub fn of_camera(ray: Ray) -> State {
         State { ray, throughput: Vec3::ONE, eta_scale: 1.0, last: None }
     }
-
-    /// A [`StepFn`].
-    pub fn step(
-        &mut self,
-        context: &Context,
-        pixel: [u32; 2],
-        sampler: &mut Sampler,
-        sink: &mut dyn FnMut(Contribution),
-        depth: u32,
-        hit: Option<Hit>,
-    ) -> bool {
-        self.once(context, sampler, |walk, sampler| walk.step(context, pixel, sampler, sink, depth, hit))
-    }
-
-    /// Makes one step of the path by itself; whether it goes on.
-    #[inline(always)]
-    pub(super) fn once<'a>(
-        &mut self,
-        context: &Context<'a>,
-        sampler: &mut Sampler,
-        step: impl FnOnce(&mut Walk<'a, false>, &mut Sampler) -> bool,
-    ) -> bool {
-        let mut walk = Walk { state: *self, ..Walk::of_camera(context, self.ray, sampler) };
-        let goes_on = step(&mut walk, sampler);
-        *self = walk.state;
-        goes_on
-    }
 }
 
-/// A path between two steps with its clock, in a scene without overhangs.
-pub struct Timed<'a> {
+/// A path on its way, with a clock where it is `TIMED`.
+pub struct Walk<'a, const TIMED: bool> {
     /// What it brings to its next vertex.
     pub state: State,
+    pub(super) over: Option<Overhang>,
+    pub(super) chance: Chance,
     /// The clock.
-    pub flight: Flight<'a, true>,
-}
-
-impl<'a> Timed<'a> {
-    /// Makes one step of the path by itself; whether it goes on.
-    #[inline(always)]
-    pub(super) fn once(
-        &mut self,
-        sampler: &mut Sampler,
-        step: impl FnOnce(&mut Walk<'a, true>, &mut Sampler) -> bool,
-    ) -> bool {
-        let chance = Chance::new::<true>(sampler);
-        let mut walk = Walk { state: self.state, over: None, chance, flight: self.flight };
-        let goes_on = step(&mut walk, sampler);
-        *self = Timed { state: walk.state, flight: walk.flight };
-        goes_on
-    }
-}
-
-/// A [`TimedStepFn`].
-pub fn timed_step<'a>(
-    path: &mut Timed<'a>,
-    context: &Context<'a>,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-    depth: u32,
-    hit: Option<Hit>,
-) -> bool {
-    path.once(sampler, |walk, sampler| walk.step(context, pixel, sampler, sink, depth, hit))
-}
-
-/// A path on its way.
-pub(super) struct Walk<'a, const TIMED: bool> {
-    pub state: State,
-    pub over: Option<Overhang>,
-    pub chance: Chance,
     pub flight: Flight<'a, TIMED>,
 }
 
-/// One step of a path by itself, without a clock and in a scene without overhangs: what happens where the ray of this edge
-/// met something, or nothing; whether the path goes on from there.
-pub type StepFn =
-    fn(&mut State, &Context, [u32; 2], &mut Sampler, &mut dyn FnMut(Contribution), u32, Option<Hit>) -> bool;
-
-/// The same of a path with a clock, in a scene without delays and composed materials.
-pub type TimedStepFn = for<'a> fn(
-    &mut Timed<'a>,
+/// One step of a path: what happens where the ray of this edge met something, or nothing; whether the path goes on from there.
+pub type StepFn<const TIMED: bool> = for<'a> fn(
+    &mut Walk<'a, TIMED>,
     &Context<'a>,
     [u32; 2],
     &mut Sampler,
@@ -189,20 +111,34 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         Walk { state: State::of_camera(ray), over: None, chance, flight }
     }
 
-    /// Follows a path from the camera for as long as `step`, which is told the number of an edge and what its ray met, says that
-    /// it goes on.
+    /// A path between two steps, in a scene without overhangs, delays and composed materials.
+    #[inline]
+    pub fn resumed(state: State, flight: Flight<'a, TIMED>, sampler: &Sampler) -> Walk<'a, TIMED> {
+        Walk { state, over: None, chance: Chance::new::<TIMED>(sampler), flight }
+    }
+
+    /// Follows a path from the camera for as long as its steps, each a [`StepFn`], say that it goes on.
     #[inline(always)]
-    pub fn follow(
+    pub(super) fn follow(
         context: &Context<'a>,
         pixel: [u32; 2],
         sampler: &mut Sampler,
-        mut step: impl FnMut(&mut Walk<'a, TIMED>, &mut Sampler, u32, Option<Hit>) -> bool,
+        sink: &mut dyn FnMut(Contribution),
+        step: impl Fn(
+            &mut Walk<'a, TIMED>,
+            &Context<'a>,
+            [u32; 2],
+            &mut Sampler,
+            &mut dyn FnMut(Contribution),
+            u32,
+            Option<Hit>,
+        ) -> bool,
     ) {
         let ray = context.camera.sample_ray(pixel, sampler);
         let mut walk = Walk::of_camera(context, ray, sampler);
         for depth in 1..=context.max_depth {
             let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
-            if !step(&mut walk, sampler, depth, hit) {
+            if !step(&mut walk, context, pixel, sampler, sink, depth, hit) {
                 break;
             }
         }
@@ -211,7 +147,7 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
     /// Goes on from a surface, at the end of edge `depth`, in a sampled direction, as far as Russian roulette lets it; whether it
     /// does.
     #[inline(always)]
-    pub fn leave(
+    pub(super) fn leave(
         &mut self,
         context: &Context<'a>,
         sampler: &mut Sampler,
@@ -237,99 +173,99 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         self.over = surface.overhang_into(s.wi);
         true
     }
+}
 
-    /// What happens where the ray of edge `depth` met something, or nothing; whether the path goes on from there.
-    #[inline(always)]
-    fn step(
-        &mut self,
-        context: &Context<'a>,
-        pixel: [u32; 2],
-        sampler: &mut Sampler,
-        sink: &mut dyn FnMut(Contribution),
-        depth: u32,
-        hit: Option<Hit>,
-    ) -> bool {
-        let Context { scene, lights, settings, .. } = *context;
-        let Walk { state, over, chance, flight } = self;
-        let State { ray, throughput, last, .. } = *state;
-        let mut found = |radiance: Vec3, weight: f32, length: f64| {
-            if radiance != Vec3::ZERO {
-                let unweighted = throughput * radiance;
-                sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 0, t: depth + 1, length });
-            }
-        };
-        let Some(hit) = hit else {
-            let radiance = lights.environment(ray.dir);
-            if radiance != Vec3::ZERO {
-                let pdf_w = |_| {
-                    if settings.all_lights {
-                        lights.pdf_environment_one_w(ray.dir)
-                    } else {
-                        lights.pdf_environment_w(ray.dir)
-                    }
-                };
-                found(radiance, weight_of_hit(settings, last, pdf_w), flight.escaped(context, ray.dir));
-            }
-            return false;
-        };
-        // The last edge finds light or nothing.
-        if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
-            return false;
+/// A [`StepFn`].
+#[inline(always)]
+pub fn step<'a, const TIMED: bool>(
+    walk: &mut Walk<'a, TIMED>,
+    context: &Context<'a>,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    depth: u32,
+    hit: Option<Hit>,
+) -> bool {
+    let Context { scene, lights, settings, .. } = *context;
+    let Walk { state, over, chance, flight } = walk;
+    let State { ray, throughput, last, .. } = *state;
+    let mut found = |radiance: Vec3, weight: f32, length: f64| {
+        if radiance != Vec3::ZERO {
+            let unweighted = throughput * radiance;
+            sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 0, t: depth + 1, length });
         }
-        let surface = flight.arrive(context, &ray, &hit, chance);
-        if over.is_some_and(|o| !o.reaches(surface.position)) {
-            return false;
-        }
-        let wo = -ray.dir;
-        let emitted = surface.emitted(&scene.textures, wo);
-        if emitted != Vec3::ZERO {
-            let pdf_w = |from| {
-                let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
+    };
+    let Some(hit) = hit else {
+        let radiance = lights.environment(ray.dir);
+        if radiance != Vec3::ZERO {
+            let pdf_w = |_| {
                 if settings.all_lights {
-                    lights.pdf_direct_one_w(scene, from, i, at, n)
+                    lights.pdf_environment_one_w(ray.dir)
                 } else {
-                    lights.pdf_direct_w(scene, from, i, at, n)
+                    lights.pdf_environment_w(ray.dir)
                 }
             };
-            found(emitted, weight_of_hit(settings, last, pdf_w), flight.stamp().arrived());
+            found(radiance, weight_of_hit(settings, last, pdf_w), flight.escaped(context, ray.dir));
         }
-        if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
-            return false;
-        }
-        let bsdf = Bsdf::new(&surface, &scene.textures);
-        let out = bsdf.outgoing(wo);
-        if bsdf.has_density() {
-            let mut join = |surface: &Surface, direct: Option<DirectSample>| {
-                if let Some(direct) = direct
-                    && let Some((radiance, weight)) = connect(context, surface, &bsdf, &out, &direct)
-                {
-                    let unweighted = throughput * radiance;
-                    let to = (direct.wi, direct.distance);
-                    let length = flight::of_direct(context, &flight.stamp(), &bsdf, wo, surface.position, to);
-                    sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1, length });
-                }
-            };
-            for surface in std::iter::once(surface).chain(surface.raised()) {
-                let from = surface.position;
-                if settings.all_lights {
-                    for light in lights.each() {
-                        join(&surface, lights.sample_direct_from(scene, light, from, sampler.next_2d()));
-                    }
-                } else {
-                    let choice = sampler.next_1d();
-                    join(&surface, lights.sample_direct(scene, from, choice, sampler.next_2d()));
-                }
-            }
-        }
-        let choice = sampler.next_1d();
-        let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { return false };
-        if !self.leave(context, sampler, depth, &surface, &s) {
-            return false;
-        }
-        let from = self.over.map_or(surface.position, |o| o.crest);
-        self.state.last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
-        true
+        return false;
+    };
+    // The last edge finds light or nothing.
+    if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
+        return false;
     }
+    let surface = flight.arrive(context, &ray, &hit, chance);
+    if over.is_some_and(|o| !o.reaches(surface.position)) {
+        return false;
+    }
+    let wo = -ray.dir;
+    let emitted = surface.emitted(&scene.textures, wo);
+    if emitted != Vec3::ZERO {
+        let pdf_w = |from| {
+            let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
+            if settings.all_lights {
+                lights.pdf_direct_one_w(scene, from, i, at, n)
+            } else {
+                lights.pdf_direct_w(scene, from, i, at, n)
+            }
+        };
+        found(emitted, weight_of_hit(settings, last, pdf_w), flight.stamp().arrived());
+    }
+    if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
+        return false;
+    }
+    let bsdf = Bsdf::new(&surface, &scene.textures);
+    let out = bsdf.outgoing(wo);
+    if bsdf.has_density() {
+        let mut join = |surface: &Surface, direct: Option<DirectSample>| {
+            if let Some(direct) = direct
+                && let Some((radiance, weight)) = connect(context, surface, &bsdf, &out, &direct)
+            {
+                let unweighted = throughput * radiance;
+                let to = (direct.wi, direct.distance);
+                let length = flight::of_direct(context, &flight.stamp(), &bsdf, wo, surface.position, to);
+                sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1, length });
+            }
+        };
+        for surface in std::iter::once(surface).chain(surface.raised()) {
+            let from = surface.position;
+            if settings.all_lights {
+                for light in lights.each() {
+                    join(&surface, lights.sample_direct_from(scene, light, from, sampler.next_2d()));
+                }
+            } else {
+                let choice = sampler.next_1d();
+                join(&surface, lights.sample_direct(scene, from, choice, sampler.next_2d()));
+            }
+        }
+    }
+    let choice = sampler.next_1d();
+    let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { return false };
+    if !walk.leave(context, sampler, depth, &surface, &s) {
+        return false;
+    }
+    let from = walk.over.map_or(surface.position, |o| o.crest);
+    walk.state.last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
+    true
 }
 
 /// Radiance that leaves along `out` for light that arrives from a sampled point, and its weight; `None` in shadow.

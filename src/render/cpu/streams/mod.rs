@@ -34,15 +34,15 @@ use self::table::Table;
 use super::accel::Accel;
 use super::brought::Brought;
 use super::lanes::Isa;
-use super::together::{self, alone};
+use super::together::{Kind, alone};
 use crate::math::lanes::{Row, Width};
 use crate::render::Job;
 use crate::render::hierarchy::InLanes;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
-use crate::transport::flight::Flight;
-use crate::transport::integrator::nee::{self, Last, State, StepFn, Timed, TimedStepFn};
+use crate::transport::flight::{Flight, Stamp};
+use crate::transport::integrator::nee::{self, Last, State, StepFn, Walk};
 use crate::transport::integrator::{Context, bpt};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::{Independent, Sampler};
@@ -53,34 +53,21 @@ const TILE: usize = 256;
 /// In the place of a density where the last event was specular.
 const SPECULAR: f32 = -1.0;
 
-/// What paths do that can go together.
-struct Kind {
-    /// Whether vertices are joined to lights.
-    joined: bool,
-    /// The step of one path by itself; `None` where samples have [two paths](joined).
-    step: Option<Alone>,
+/// The step of one path by itself; `None` where samples have [two paths](joined).
+fn step_of<const TIMED: bool>(kind: Kind) -> Option<StepFn<TIMED>> {
+    match kind {
+        Kind::Nee => Some(nee::step),
+        Kind::Bpt => Some(bpt::step),
+        Kind::Bdpt => None,
+    }
 }
-
-/// The step of one path by itself, without a clock and with one.
-#[derive(Clone, Copy)]
-struct Alone {
-    plain: StepFn,
-    timed: TimedStepFn,
-}
-
-/// The kinds of [`together::INTEGRATORS`].
-const KINDS: [Kind; together::INTEGRATORS.len()] = [
-    Kind { joined: true, step: Some(Alone { plain: State::step, timed: nee::timed_step }) },
-    Kind { joined: false, step: Some(Alone { plain: bpt::step, timed: bpt::timed_step }) },
-    Kind { joined: true, step: None },
-];
 
 /// The column and the index of a sample.
 type Named = (u32, u64);
 
 /// What is known of a scene before its rays are.
 pub struct Streams {
-    step: Option<Alone>,
+    kind: Kind,
     table: Table,
     few: Option<Few>,
 }
@@ -183,7 +170,7 @@ impl Streams {
     /// a processor with AVX2. `None` for all others, where no surface would gain, and, unless lanes are asked for, where some
     /// surface is unknown to them: that could make one technique wait and not another.
     pub fn of(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Streams> {
-        let kind = &KINDS[together::INTEGRATORS.iter().position(|name| *name == job.integrator.name)?];
+        let kind = Kind::of(job.integrator)?;
         let wanted = match job.accel.lanes {
             InLanes::Never => false,
             InLanes::Auto => table::knows_all(scene),
@@ -200,9 +187,9 @@ impl Streams {
             Isa::Avx2 => Width::eight(),
             Isa::Avx512 => Width::sixteen(),
         }?;
-        let pairs = kind.step.is_none();
-        let table = Table::of(scene, width, kind.joined, pairs).filter(|table| !pairs || table.is_whole(scene));
-        table.map(|table| Streams { step: kind.step, table, few: Few::of(scene, accel, width) })
+        let pairs = kind == Kind::Bdpt;
+        let table = Table::of(scene, width, kind != Kind::Bpt, pairs).filter(|table| !pairs || table.is_whole(scene));
+        table.map(|table| Streams { kind, table, few: Few::of(scene, accel, width) })
     }
 
     /// What traces many rays at once, if anything does.
@@ -235,10 +222,11 @@ impl Streams {
         mut done: impl FnMut(u32, u64, Brought, Vec3),
     ) {
         let (mut tile, mut pairs) = (Tile::default(), joined::Tile::default());
-        let size = if self.step.is_some() { TILE } else { joined::TILE };
+        let step = step_of::<TIMED>(self.kind);
+        let size = if step.is_some() { TILE } else { joined::TILE };
         let mut named: Vec<Named> = Vec::with_capacity(size);
         let mut render = |named: &mut Vec<Named>| {
-            match self.step {
+            match step {
                 Some(step) => self.tile::<TIMED>(step, context, job, y, named, &mut tile, &mut done),
                 None => joined::tile::<TIMED>(&self.table, context, job, y, named, &mut pairs, &mut done),
             }
@@ -258,7 +246,7 @@ impl Streams {
     #[expect(clippy::too_many_arguments, reason = "a tile is all of them")]
     fn tile<const TIMED: bool>(
         &self,
-        step: Alone,
+        step: StepFn<TIMED>,
         context: &Context,
         job: &Job,
         y: u32,
@@ -283,7 +271,14 @@ impl Streams {
         hand_over::<TIMED>(named, &tile.values, &tile.by_path, done);
     }
 
-    fn paths<const TIMED: bool>(&self, step: Alone, context: &Context, named: &[Named], y: u32, tile: &mut Tile) {
+    fn paths<const TIMED: bool>(
+        &self,
+        step: StepFn<TIMED>,
+        context: &Context,
+        named: &[Named],
+        y: u32,
+        tile: &mut Tile,
+    ) {
         let mut active: Vec<u32> = (0..tile.records.len() as u32).collect();
         let mut lists: Vec<Vec<u32>> = vec![Vec::new(); self.table.classes()];
         for depth in 1..=context.max_depth {
@@ -301,16 +296,8 @@ impl Streams {
                     lists[class].push(path);
                 } else if brings_nothing(context, depth, hit) {
                     continue;
-                } else {
-                    let pixel = [named[path as usize].0, y];
-                    let goes_on = if TIMED {
-                        by_itself_timed(step.timed, context, pixel, depth, hit, path as usize, tile)
-                    } else {
-                        by_itself(step.plain, context, pixel, depth, hit, path as usize, tile)
-                    };
-                    if goes_on {
-                        tile.next.push(path);
-                    }
+                } else if by_itself(step, context, [named[path as usize].0, y], depth, hit, path as usize, tile) {
+                    tile.next.push(path);
                 }
             }
             for (class, list) in lists.iter_mut().enumerate() {
@@ -339,8 +326,8 @@ impl Streams {
 }
 
 /// A step of one path by itself; whether it goes on.
-fn by_itself(
-    step: StepFn,
+fn by_itself<const TIMED: bool>(
+    step: StepFn<TIMED>,
     context: &Context,
     pixel: [u32; 2],
     depth: u32,
@@ -349,47 +336,31 @@ fn by_itself(
     tile: &mut Tile,
 ) -> bool {
     let record = &mut tile.records[path];
-    let mut state = record.state();
     let mut sampler = Sampler::Independent(record.numbers());
-    let value = &mut tile.values[path];
-    let mut sink = |c: Contribution| *value += c.value;
-    let goes_on = step(&mut state, context, pixel, &mut sampler, &mut sink, depth, hit);
-    if let Sampler::Independent(numbers) = &sampler
-        && goes_on
-    {
-        record.put(&state, numbers.taken());
-    }
-    goes_on
-}
-
-/// The same with the path's clock.
-fn by_itself_timed(
-    step: TimedStepFn,
-    context: &Context,
-    pixel: [u32; 2],
-    depth: u32,
-    hit: Option<Hit>,
-    path: usize,
-    tile: &mut Tile,
-) -> bool {
-    let record = &mut tile.records[path];
-    let [_, x, y, z, ..] = record.rows[1].0;
-    let from = if depth == 1 { record.ray().origin } else { Vec3::new(x, y, z) };
-    let flight = Flight::resumed(context, tile.clocks[path].stamp(), from, !clock::counts(context, depth));
-    let mut timed = Timed { state: record.state(), flight };
-    let mut sampler = Sampler::Independent(record.numbers());
+    let flight = if TIMED {
+        let [_, x, y, z, ..] = record.rows[1].0;
+        let from = if depth == 1 { record.ray().origin } else { Vec3::new(x, y, z) };
+        Flight::resumed(context, tile.clocks[path].stamp(), from, !clock::counts(context, depth))
+    } else {
+        Flight::resumed(context, Stamp::default(), Vec3::ZERO, false)
+    };
+    let mut walk = Walk::resumed(record.state(), flight, &sampler);
     let (value, found) = (&mut tile.values[path], &mut tile.found);
     let mut sink = |c: Contribution| {
         *value += c.value;
-        found.push(Found { path: path as u32, value: c.value, length: c.length });
+        if TIMED {
+            found.push(Found { path: path as u32, value: c.value, length: c.length });
+        }
     };
-    let goes_on = step(&mut timed, context, pixel, &mut sampler, &mut sink, depth, hit);
+    let goes_on = step(&mut walk, context, pixel, &mut sampler, &mut sink, depth, hit);
     if let Sampler::Independent(numbers) = &sampler
         && goes_on
     {
-        record.put(&timed.state, numbers.taken());
-        record.rows[1].0[1..4].copy_from_slice(&timed.flight.from().to_array());
-        tile.clocks[path] = Clock::new(&timed.flight.stamp());
+        record.put(&walk.state, numbers.taken());
+        if TIMED {
+            record.rows[1].0[1..4].copy_from_slice(&walk.flight.from().to_array());
+            tile.clocks[path] = Clock::new(&walk.flight.stamp());
+        }
     }
     goes_on
 }
