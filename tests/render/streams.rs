@@ -10,7 +10,7 @@ use lumbre::render::cpu::lanes::Isa;
 use lumbre::render::hierarchy::{AccelSpec, InLanes};
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Model, Texture};
+use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture};
 use lumbre::transport::camera::{FILTERS, FilterSpec};
 use lumbre::transport::delay::Profile;
 use lumbre::transport::flight::Timing;
@@ -180,6 +180,44 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
         same(name, &scene, joined(plain([31, 19], 5)), 5);
         if name == "all of them" {
             same(name, &scene, unjoined(plain([31, 19], 5)), 9);
+        }
+    }
+}
+
+/// In a scene that is one leaf, where rays go in lanes as well, and in one that is not.
+#[test]
+fn every_mask_has_the_same_bits_in_lanes() {
+    for (mask_mode, more) in [(MaskMode::Threshold, 0), (MaskMode::Blend, 0), (MaskMode::Blend, 30)] {
+        let scene = |masked: bool| {
+            let mut scene = room(Material { roughness: 0.4, ..DISNEY });
+            let picture = Texture::new(3, 2, [0.9, 0.2, 0.7, 0.0, 1.0, 0.4].map(|v| [v; 3]).to_vec());
+            let mask_texture = if masked { scene.texture(picture) } else { NONE };
+            let holes = |material| Material { mask_texture, mask_mode, ..material };
+            let glass = Material { opacity: 0.0, roughness: 0.0, ..DISNEY };
+            let mut scene = scene
+                .quad(Vec3::new(-0.7, -0.5, 0.3), Vec3::X * 0.9, Vec3::new(0.0, 0.8, -0.2), holes(DISNEY))
+                // Rays meet both at once, and see this one through the holes of the first alone.
+                .quad(Vec3::new(-0.7, -0.5, 0.3), Vec3::X * 0.9, Vec3::new(0.0, 0.8, -0.2), grey(0.5))
+                .quad(Vec3::new(0.1, 0.8, -0.4), Vec3::X * 0.6, Vec3::Z * 0.6, holes(light(5.0)));
+            for i in 0..more {
+                let at = Vec3::new(-0.9 + 0.05 * i as f32, -0.7, 0.6);
+                scene = scene.quad(at, Vec3::X * 0.1, Vec3::Y * 0.1, holes(DISNEY));
+            }
+            scene
+                .sphere(Vec3::new(-0.3, -0.4, -0.3), 0.3, holes(glass))
+                .sphere(Vec3::new(-0.3, -0.4, -0.3), 0.2, holes(DISNEY))
+                .build()
+        };
+        let (scene, bare) = (scene(true), scene(false));
+        let name = format!("{mask_mode:?}, {} primitives", scene.primitive_count());
+        for job in [plain([29, 17], 6), unjoined(plain([29, 17], 6)), joined(plain([29, 17], 6))] {
+            let sum = |scene: &Arc<CompiledScene>| {
+                let mut renderer = CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap();
+                renderer.advance(1).unwrap();
+                renderer.film().sum.clone()
+            };
+            assert_ne!(sum(&scene), sum(&bare), "{name}: no mask is met");
+            same(&name, &scene, job, 7);
         }
     }
 }

@@ -159,10 +159,10 @@ impl Accel {
         Ok(())
     }
 
-    /// Whether every ray is tested with every primitive, and no mask decides.
+    /// Whether every ray is tested with every primitive.
     #[cfg(target_arch = "x86_64")]
     pub(super) fn is_one_leaf(&self) -> bool {
-        self.root & LEAF != 0 && self.places.is_empty() && self.compressed.is_none() && !self.masked
+        self.root & LEAF != 0 && self.places.is_empty() && self.compressed.is_none()
     }
 
     /// Number of eight-wide nodes.

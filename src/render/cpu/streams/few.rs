@@ -4,6 +4,10 @@
 //!
 //! Rays meet what they meet alone, to the bit: the tests are those of [`intersect`](super::super::intersect), operation by
 //! operation, and of hits at the same distance the one with the lesser primitive counts.
+//!
+//! Primitives with masks come last, since masks are looked up ray by ray: only where no other primitive is nearer.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -13,16 +17,26 @@ use crate::render::cpu::accel::{Accel, ONE_LEAF};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::ray::{Hit, Ray};
+use crate::transport::surface::is_masked_out;
 
 /// All primitives of a scene of few.
 pub struct Few {
     width: Width,
+    scene: Arc<CompiledScene>,
     /// Corners, those with the same coordinates once.
     corners: Vec<Vec3>,
+    solid: Part,
+    /// Those with masks.
+    masked: Part,
+}
+
+/// Some of the primitives, each with its id.
+#[derive(Default)]
+struct Part {
     /// Of every triangle its corners.
-    triangles: Vec<[u8; 3]>,
+    triangles: Vec<([u8; 3], u32)>,
     /// Centre and radius.
-    spheres: Vec<(Vec3, f32)>,
+    spheres: Vec<(Vec3, f32, u32)>,
 }
 
 /// What rays need for the test of a triangle: see `ShearedRay`.
@@ -35,7 +49,17 @@ struct Sheared<R: Real> {
     shear: [R; 3],
 }
 
-/// The best hits so far. What stands at each place on the primitive is still to be divided: seldom is a hit the last one.
+/// Where a primitive is hit, and in which lanes. The place on it is still to be divided: seldom is a hit the last one.
+#[derive(Clone, Copy)]
+struct Met<R: Real> {
+    lanes: R::Mask,
+    t: R,
+    v: R,
+    w: R,
+    divisor: R,
+}
+
+/// The best hits so far.
 struct Best<R: Real> {
     t: R,
     v: R,
@@ -45,15 +69,23 @@ struct Best<R: Real> {
     found: R::Mask,
 }
 
+/// What masks need of the best hits so far.
+struct Before<const N: usize> {
+    t: [f32; N],
+    primitive: [f32; N],
+    /// A bit for each lane.
+    found: u32,
+}
+
 impl Few {
-    /// For a hierarchy that is one leaf, in a scene where no mask decides.
-    pub fn of(scene: &CompiledScene, accel: &Accel, width: Width) -> Option<Few> {
+    /// For a hierarchy that is one leaf.
+    pub fn of(accel: &Accel, width: Width) -> Option<Few> {
+        let scene = &accel.scene;
         let few = accel.is_one_leaf() && scene.primitive_count() <= ONE_LEAF;
-        few.then(|| Few::new(width, &scene.triangles, scene.spheres.iter().map(|s| (s.center, s.radius)).collect()))
+        few.then(|| Few::new(width, Arc::clone(scene)))
     }
 
-    /// Of these triangles, and then spheres.
-    fn new(width: Width, triangles: &[[Vec3; 3]], spheres: Vec<(Vec3, f32)>) -> Few {
+    fn new(width: Width, scene: Arc<CompiledScene>) -> Few {
         let bits = |v: Vec3| v.to_array().map(f32::to_bits);
         let mut corners: Vec<Vec3> = Vec::new();
         let mut index = |corner: Vec3| {
@@ -63,16 +95,27 @@ impl Few {
                 corners.len() - 1
             }) as u8
         };
-        let triangles = triangles.iter().map(|t| t.map(&mut index)).collect();
-        Few { width, corners, triangles, spheres }
+        let (mut solid, mut masked) = (Part::default(), Part::default());
+        for id in 0..scene.primitive_count() as u32 {
+            let has_mask = scene.materials[scene.material_of(id, NONE) as usize].mask_texture != NONE;
+            let part = if has_mask { &mut masked } else { &mut solid };
+            match scene.triangles.get(id as usize) {
+                Some(corners) => part.triangles.push((corners.map(&mut index), id)),
+                None => {
+                    let sphere = &scene.spheres[id as usize - scene.triangles.len()];
+                    part.spheres.push((sphere.center, sphere.radius, id));
+                }
+            }
+        }
+        Few { width, scene, corners, solid, masked }
     }
 
-    /// The nearest hit of each ray with `0 < t < t_max`.
+    /// The nearest hit of each ray with `0 < t < t_max`, masks applied.
     pub fn closest(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
         self.width.run(Closest { few: self, rays, hits });
     }
 
-    /// Whether each ray hits anything with `0 < t < t_max`.
+    /// Whether each ray hits anything with `0 < t < t_max`, masks applied.
     pub fn occluded(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
         self.width.run(Occluded { few: self, rays, hidden });
     }
@@ -90,28 +133,89 @@ impl Few {
         }
         let [x, y, z, u, v, w, t_max, _] = R::transposed(rows.each_ref());
         let (origin, dir) = (R::Vec3::new(x, y, z), R::Vec3::new(u, v, w));
-        let zero = R::of(0.0);
+        let (zero, one) = (R::of(0.0), R::of(1.0));
         // A ray with a number that is not finite hits nothing.
         let usable = R::Mask::first(group.len()) & (origin + dir).element_sum().is_finite();
-        let mut best =
-            Best { t: t_max, v: zero, w: zero, divisor: R::of(1.0), primitive: zero, found: R::Mask::of(false) };
+        let mut best = Best { t: t_max, v: zero, w: zero, divisor: one, primitive: zero, found: R::Mask::of(false) };
         let rays = Sheared::new(origin, dir);
         sheared.clear();
         for corner in &self.corners {
             sheared.push(rays.corner(R::Vec3::of(*corner)));
         }
-        for (id, [a, b, c]) in self.triangles.iter().enumerate() {
+        for (corners, id) in &self.solid.triangles {
+            let [a, b, c] = corners;
             let corners = [&sheared[usize::from(*a)], &sheared[usize::from(*b)], &sheared[usize::from(*c)]];
-            rays.triangle::<N>(corners, id as u32, usable, &mut best);
+            if let Some(at) = rays.triangle::<N>(corners, usable) {
+                best.offer(at, *id);
+            }
             if ANY && !(usable & !best.found).any() {
                 return best;
             }
         }
-        for (i, (center, radius)) in self.spheres.iter().enumerate() {
+        for (center, radius, id) in &self.solid.spheres {
             let t = sphere::<R>([origin, dir], R::Vec3::of(*center), *radius);
-            best.offer(usable & t.gt(zero), t, [zero, zero, R::of(1.0)], (self.triangles.len() + i) as u32);
+            best.offer(Met { lanes: usable & t.gt(zero), t, v: zero, w: zero, divisor: one }, *id);
+        }
+        for (corners, id) in &self.masked.triangles {
+            let left = if ANY { usable & !best.found } else { usable };
+            if ANY && !left.any() {
+                return best;
+            }
+            let [a, b, c] = corners;
+            let corners = [&sheared[usize::from(*a)], &sheared[usize::from(*b)], &sheared[usize::from(*c)]];
+            if let Some(at) = rays.triangle::<N>(corners, left) {
+                self.offer_masked::<R, N>(group, at, *id, &mut best);
+            }
+        }
+        for (center, radius, id) in &self.masked.spheres {
+            let left = if ANY { usable & !best.found } else { usable };
+            let t = sphere::<R>([origin, dir], R::Vec3::of(*center), *radius);
+            let at = Met { lanes: left & t.gt(zero), t, v: zero, w: zero, divisor: one };
+            self.offer_masked::<R, N>(group, at, *id, &mut best);
         }
         best
+    }
+
+    /// Takes hits of a primitive with a mask that count and are better than the best ones so far.
+    #[inline(always)]
+    fn offer_masked<R: Lanes<N>, const N: usize>(
+        &self,
+        group: &[(Ray, f32)],
+        at: Met<R>,
+        primitive: u32,
+        best: &mut Best<R>,
+    ) {
+        let near = at.lanes & at.t.le(best.t);
+        if near.any() {
+            let hits = [at.t.store(), (at.v / at.divisor).store(), (at.w / at.divisor).store()];
+            let found = best.found.bits();
+            let before = Before { t: best.t.store(), primitive: best.primitive.store(), found };
+            let counts = R::load(&self.counting(group, primitive, &hits, near.bits(), &before));
+            best.put(counts.gt(R::of(0.0)), at, primitive);
+        }
+    }
+
+    /// 1 where a hit of a primitive with a mask, at `[t, u, v]` and not beyond the best one before it, is better than that and
+    /// the mask lets it count, else 0; of the lanes whose bits are set.
+    #[inline(never)]
+    fn counting<const N: usize>(
+        &self,
+        group: &[(Ray, f32)],
+        primitive: u32,
+        [t, u, v]: &[[f32; N]; 3],
+        lanes: u32,
+        before: &Before<N>,
+    ) -> [f32; N] {
+        let mut counts = [0.0; N];
+        for lane in set(lanes) {
+            let hit = Hit { t: t[lane], primitive, instance: NONE, uv: [u[lane], v[lane]] };
+            let goes_before = before.found & 1 << lane != 0 && primitive < before.primitive[lane].to_bits();
+            let better = hit.t < before.t[lane] || goes_before;
+            if better && !is_masked_out(&self.scene, &group[lane].0, &hit) {
+                counts[lane] = 1.0;
+            }
+        }
+        counts
     }
 }
 
@@ -163,14 +267,19 @@ impl AnyWidth for Occluded<'_> {
 impl<R: Real> Best<R> {
     /// Takes hits that are nearer.
     #[inline(always)]
-    fn offer(&mut self, met: R::Mask, t: R, [v, w, divisor]: [R; 3], primitive: u32) {
-        let better = met & t.lt(self.t);
-        self.t = R::select(better, t, self.t);
-        self.v = R::select(better, v, self.v);
-        self.w = R::select(better, w, self.w);
-        self.divisor = R::select(better, divisor, self.divisor);
-        self.primitive = R::select(better, R::of(f32::from_bits(primitive)), self.primitive);
-        self.found = self.found | better;
+    fn offer(&mut self, at: Met<R>, primitive: u32) {
+        self.put(at.lanes & at.t.lt(self.t), at, primitive);
+    }
+
+    /// Takes hits in some lanes.
+    #[inline(always)]
+    fn put(&mut self, lanes: R::Mask, at: Met<R>, primitive: u32) {
+        self.t = R::select(lanes, at.t, self.t);
+        self.v = R::select(lanes, at.v, self.v);
+        self.w = R::select(lanes, at.w, self.w);
+        self.divisor = R::select(lanes, at.divisor, self.divisor);
+        self.primitive = R::select(lanes, R::of(f32::from_bits(primitive)), self.primitive);
+        self.found = self.found | lanes;
     }
 }
 
@@ -195,8 +304,9 @@ impl<R: Real> Sheared<R> {
         [x - z * self.shear[0], y - z * self.shear[1], z]
     }
 
+    /// Where rays of these lanes hit a triangle, if any does.
     #[inline(always)]
-    fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3], id: u32, usable: R::Mask, best: &mut Best<R>)
+    fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3], lanes: R::Mask) -> Option<Met<R>>
     where
         R: Lanes<N>,
     {
@@ -213,15 +323,14 @@ impl<R: Real> Sheared<R> {
         }
         let below = u.lt(zero) | v.lt(zero) | w.lt(zero);
         let above = u.gt(zero) | v.gt(zero) | w.gt(zero);
-        let inside = usable & !(below & above);
+        let inside = lanes & !(below & above);
         if !inside.any() {
-            return;
+            return None;
         }
         let det = u + v + w;
         let shear = self.shear[2];
         let t = (u * (a[2] * shear) + v * (b[2] * shear) + w * (c[2] * shear)) / det;
-        let met = inside & t.gt(zero);
-        best.offer(met, t, [v, w, det], id);
+        Some(Met { lanes: inside & t.gt(zero), t, v, w, divisor: det })
     }
 }
 
@@ -275,58 +384,72 @@ fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32) ->
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
+    use glam::Vec2;
+
     use super::*;
     use crate::math::rng::{pcg4d, unit};
-    use crate::render::cpu::intersect::{self, ShearedRay};
-    use crate::scene::compile::Sphere;
+    use crate::render::cpu::lanes::Isa;
+    use crate::render::hierarchy::AccelSpec;
+    use crate::scene::compile::{MaskMode, Sphere, TriangleAttributes};
+    use crate::scene::desc::{
+        CameraDesc, Lookup, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot, texture_hash,
+    };
 
-    /// The nearest hit by the tests of single rays, one primitive after the other.
-    fn alone(triangles: &[[Vec3; 3]], spheres: &[Sphere], (ray, t_max): &(Ray, f32)) -> Option<Hit> {
-        if !(ray.origin + ray.dir).element_sum().is_finite() {
-            return None;
-        }
-        let sheared = ShearedRay::new(ray);
-        let mut best: Option<Hit> = None;
-        for primitive in 0..triangles.len() + spheres.len() {
-            let within = best.map_or(*t_max, |hit| hit.t);
-            let found = match triangles.get(primitive) {
-                Some(corners) => intersect::triangle(corners, &sheared, within),
-                None => intersect::sphere(&spheres[primitive - triangles.len()], ray, within).map(|t| (t, [0.0; 2])),
-            };
-            if let Some((t, uv)) = found.filter(|(t, _)| *t < within) {
-                best = Some(Hit { t, primitive: primitive as u32, instance: NONE, uv });
+    /// No shape; the first material has no mask, the second holes by a threshold, and the third is blended.
+    fn materials() -> CompiledScene {
+        let texels = Texels::RgbaF32([0.1, 0.9, 0.7, 0.3, 1.0, 0.0].map(|v| [v; 4]).to_vec());
+        let content_hash = texture_hash(3, 2, &texels);
+        let mask = Arc::new(TextureDesc { file: PathBuf::new(), width: 3, height: 2, texels, content_hash });
+        let material = |mask_mode: Option<MaskMode>| {
+            let mut material = MaterialDesc::new("m");
+            if let Some(mode) = mask_mode {
+                material.mask_mode = mode;
+                material.lay_texture(TextureSlot::Mask, Arc::clone(&mask), Lookup::default());
             }
-        }
-        best
+            material
+        };
+        let scene = SceneDesc {
+            resolution: [1, 1],
+            max_depth: 1,
+            camera: CameraDesc::default(),
+            views: Vec::new(),
+            materials: [None, Some(MaskMode::Threshold), Some(MaskMode::Blend)].map(material).to_vec(),
+            entities: Vec::new(),
+            lights: Vec::new(),
+            environment: None,
+        };
+        crate::scene::compile(&scene).unwrap().0
     }
 
     /// Triangles and rays through points of a coarse grid meet edges and corners exactly; some lie in one another, have no
-    /// area, or are slivers. All else is anywhere.
+    /// area, or are slivers. All else is anywhere. In a third of the scenes nothing has a mask, and in another all has.
     #[test]
     fn rays_meet_together_what_they_meet_alone() {
+        let materials = materials();
         for width in [Width::eight(), Width::sixteen()].into_iter().flatten() {
-            compare(width);
+            compare(width, &materials);
         }
     }
 
-    fn compare(width: Width) {
+    fn compare(width: Width, materials: &CompiledScene) {
         let mut i = 0;
         let mut next = || {
             i += 1;
             unit(pcg4d([i, 5, 1, 77])[0])
         };
-        let mut point = |grid: bool| {
-            let p = Vec3::new(next(), next(), next()) * 4.0 - 2.0;
-            if grid { p.round() } else { p }
-        };
         let (mut hits, mut edges, mut covered) = (0, 0, 0);
-        for scene in 0..60 {
+        let [mut through, mut shown, mut tied, mut shown_spheres] = [0; 4];
+        for scene in 0..90 {
             let grid = scene % 2 == 0;
+            let mut point = |grid: bool| {
+                let p = Vec3::new(next(), next(), next()) * 4.0 - 2.0;
+                if grid { p.round() } else { p }
+            };
             let mut triangles: Vec<[Vec3; 3]> = (0..11).map(|_| [0; 3].map(|_| point(grid))).collect();
             triangles.extend([triangles[2], triangles[3], [triangles[4][0]; 3]]);
-            let ball = |center, radius| Sphere { center, radius, material: 0, emitter: NONE };
-            let spheres = [ball(point(grid), 0.5), ball(point(grid), 1.0)];
-            let few = Few::new(width, &triangles, spheres.iter().map(|s| (s.center, s.radius)).collect());
+            let centers = [0; 4].map(|_| point(grid));
             let mut rays: Vec<(Ray, f32)> = Vec::new();
             for k in 0..101 {
                 let (origin, to) = (point(grid && k % 3 != 0), point(grid && k % 3 != 1));
@@ -337,21 +460,59 @@ mod tests {
                 rays.push((Ray { origin: Vec3::splat(bad), dir: Vec3::X }, 1.0));
                 rays.push((Ray { origin: Vec3::ZERO, dir: Vec3::new(bad, 0.0, 1.0) }, 1.0));
             }
+            let mut material = || match scene % 3 {
+                0 => 0,
+                1 => 1 + (next() * 2.0) as u32,
+                _ => (next() * 3.0) as u32,
+            };
+            let attributes = triangles.iter().map(|_| TriangleAttributes {
+                normals: [Vec3::Z; 3],
+                uvs: [Vec2::ZERO, Vec2::X, Vec2::new(0.4, 1.3)],
+                material: material(),
+                emitter: NONE,
+            });
+            let attributes = attributes.collect();
+            let radii = [0.5, 1.0, 0.7, 1.4];
+            let spheres = [0, 1, 2, 3].map(|i| Sphere {
+                center: centers[i],
+                radius: radii[i],
+                material: material(),
+                emitter: NONE,
+            });
+            let scene = CompiledScene { triangles, attributes, spheres: spheres.into(), ..materials.clone() };
+            let bare = CompiledScene { materials: vec![scene.materials[0]; 3], ..scene.clone() };
+            let scene = Arc::new(scene);
+            let built = |scene| Accel::build_as(scene, &AccelSpec::default(), Isa::Portable).unwrap();
+            let (accel, bare) = (built(Arc::clone(&scene)), built(Arc::new(bare)));
+            let few = Few::of(&accel, width).unwrap();
             let (mut found, mut hidden) = (Vec::new(), Vec::new());
             few.closest(&rays, &mut found);
             few.occluded(&rays, &mut hidden);
             assert_eq!([found.len(), hidden.len()], [rays.len(); 2]);
-            for ((ray, found), hidden) in rays.iter().zip(found).zip(hidden) {
-                let expected = alone(&triangles, &spheres, ray);
+            for (((ray, t_max), found), hidden) in rays.iter().zip(found).zip(hidden) {
+                let expected = accel.closest(ray, *t_max);
                 let bits = |hit: Hit| ([hit.t, hit.uv[0], hit.uv[1]].map(f32::to_bits), hit.primitive, hit.instance);
                 assert_eq!(found.map(bits), expected.map(bits), "{ray:?}");
                 assert_eq!(hidden, expected.is_some(), "{ray:?}");
-                hits += usize::from(expected.is_some());
-                let triangle = expected.filter(|hit| hit.primitive < 14);
-                edges += usize::from(triangle.is_some_and(|hit| hit.uv.contains(&0.0)));
-                covered += usize::from(triangle.is_some_and(|hit| [2, 3].contains(&hit.primitive)));
+                through += usize::from(bare.closest(ray, *t_max) != expected);
+                let Some(hit) = expected else { continue };
+                hits += 1;
+                let masked = |primitive: u32| scene.material_of(primitive, NONE) > 0;
+                shown += usize::from(masked(hit.primitive));
+                if hit.primitive < 14 {
+                    edges += usize::from(hit.uv.contains(&0.0));
+                    let twin = [2, 3].contains(&hit.primitive);
+                    covered += usize::from(twin);
+                    tied += usize::from(twin && masked(hit.primitive) && !masked(hit.primitive + 9));
+                } else {
+                    shown_spheres += usize::from(masked(hit.primitive));
+                }
             }
         }
         assert!(hits > 1000 && edges > 100 && covered > 20, "{hits} {edges} {covered}");
+        assert!(
+            through > 200 && shown > 500 && tied > 10 && shown_spheres > 100,
+            "{through} {shown} {tied} {shown_spheres}"
+        );
     }
 }

@@ -189,7 +189,7 @@ impl Streams {
         }?;
         let pairs = kind == Kind::Bdpt;
         let table = Table::of(scene, width, kind != Kind::Bpt, pairs).filter(|table| !pairs || table.is_whole(scene));
-        table.map(|table| Streams { kind, table, few: Few::of(scene, accel, width) })
+        table.map(|table| Streams { kind, table, few: Few::of(accel, width) })
     }
 
     /// What traces many rays at once, if anything does.
