@@ -351,7 +351,9 @@ impl Renderer for CpuRenderer {
             let width = width as usize;
             let rows = film.sum.par_chunks_mut(width).zip(film.sum2.par_chunks_mut(width)).enumerate();
             let apart = layer_rows.into_par_iter().zip(time_rows).map(|(layers, times)| Apart { layers, times });
+            // One by one, so that at the end of a wave no thread waits for another's last rows.
             rows.zip(apart)
+                .with_max_len(1)
                 .map(|((y, (sum, sum2)), apart)| render_row(y as u32, [sum, sum2], apart))
                 .reduce(RowStats::default, RowStats::merge)
         });

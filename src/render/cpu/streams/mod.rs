@@ -24,6 +24,7 @@ mod shade;
 mod start;
 mod table;
 
+use std::mem::{swap, take};
 use std::ops::Range;
 
 use glam::Vec3;
@@ -111,7 +112,11 @@ struct Tile {
     found: Vec<Found>,
     /// The same path by path.
     by_path: Vec<Found>,
+    /// The paths that make a step, and those of them that go on.
+    active: Vec<u32>,
     next: Vec<u32>,
+    /// Of every class the paths that have met it; empty between steps.
+    lists: Vec<Vec<u32>>,
     rays: Vec<(Ray, f32)>,
     hits: Vec<Option<Hit>>,
     hidden: Vec<bool>,
@@ -279,8 +284,10 @@ impl Streams {
         y: u32,
         tile: &mut Tile,
     ) {
-        let mut active: Vec<u32> = (0..tile.records.len() as u32).collect();
-        let mut lists: Vec<Vec<u32>> = vec![Vec::new(); self.table.classes()];
+        let (mut active, mut lists) = (take(&mut tile.active), take(&mut tile.lists));
+        active.clear();
+        active.extend(0..tile.records.len() as u32);
+        lists.resize_with(self.table.classes(), Vec::new);
         for depth in 1..=context.max_depth {
             tile.next.clear();
             tile.rays.clear();
@@ -320,8 +327,9 @@ impl Streams {
                 }
             }
             tile.lengths.clear();
-            std::mem::swap(&mut active, &mut tile.next);
+            swap(&mut active, &mut tile.next);
         }
+        (tile.active, tile.lists) = (active, lists);
     }
 }
 
