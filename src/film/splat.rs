@@ -192,6 +192,14 @@ impl SplatSums {
         stripe
     }
 
+    /// Fetches the sums for splats on one stripe, where it has any.
+    fn fetch(&self, splats: &[(u32, [f32; 3])]) {
+        let stripe = self.stripe(splats[0].0 as usize / STRIPE);
+        for (pixel, _) in splats {
+            stripe.get(*pixel as usize % STRIPE).into_iter().for_each(prefetch);
+        }
+    }
+
     /// Adds a splat to a pixel, from any thread. Returns whether it can be counted, and is: not finite, or beyond
     /// [`MAX_SPLAT`], it is not, and without room for its square the variance of this pixel is worthless.
     #[must_use]
@@ -328,7 +336,13 @@ impl SplatBuffer {
             *place += 1;
         }
         let mut without_room = 0;
-        for group in self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE) {
+        let mut groups = self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE).peekable();
+        while let Some(group) = groups.next() {
+            // Where few are for the same stripe, as in films with a time axis, the next stripe's are what comes soon.
+            if let Some(next) = groups.peek().filter(|next| next.len() <= 2 * AHEAD) {
+                sums.fetch(next);
+                self.locks += 1;
+            }
             let mut stripe = sums.open(group[0].0 as usize / STRIPE);
             self.locks += 1;
             for (i, (pixel, value)) in group.iter().enumerate() {

@@ -13,17 +13,49 @@ use rayon::prelude::*;
 use crate::film::splat::SplatSums;
 use crate::film::time::{BYTES_PER_SLOT, MAX_KEPT_BYTES, SPLAT_BYTES_PER_SLOT};
 
-/// Slots that a thread clears at a time: 576 KiB.
+/// Slots that a thread clears at a time: 640 KiB.
 const CLEARED: usize = 1 << 14;
 
 /// What runs have left, the newest last.
 static LEFT: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
 
-/// Sums and sums of squares, `[y][x][slot][rgb]`.
+/// What lands in a slot of a pixel, side by side: the two are needed together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Slot {
+    /// The sum over all samples.
+    pub(super) sum: [f64; 3],
+    /// That of the squares of what each of them brought.
+    pub(super) square: [f32; 3],
+}
+
+impl Slot {
+    /// Adds light to the sum.
+    #[inline]
+    pub(super) fn add(&mut self, value: [f32; 3]) {
+        for (sum, v) in self.sum.iter_mut().zip(value) {
+            *sum += f64::from(v);
+        }
+    }
+
+    /// Adds the square of all that a sample has brought. Returns whether there was room for it.
+    #[inline]
+    pub(super) fn add_square(&mut self, value: [f32; 3]) -> bool {
+        let mut most = 0.0f32;
+        for (square, v) in self.square.iter_mut().zip(value) {
+            *square += v * v;
+            most = most.max(*square);
+        }
+        most < f32::INFINITY
+    }
+}
+
+const _: () = assert!(size_of::<Slot>() as u64 == BYTES_PER_SLOT);
+
+/// The sums of a film.
 #[derive(Debug, Default)]
 pub(super) struct Bins {
-    pub(super) sum: Vec<[f64; 3]>,
-    pub(super) square: Vec<[f32; 3]>,
+    /// `[y][x][slot]`.
+    pub(super) slots: Vec<Slot>,
     /// Those of splats, in the same order, if they land and their memory is had beforehand.
     pub(super) splats: Option<SplatSums>,
 }
@@ -34,16 +66,11 @@ impl Bins {
         let ready = landing && bytes(slots, true) <= MAX_KEPT_BYTES;
         let mut bins =
             from(&mut LEFT.lock().unwrap_or_else(PoisonError::into_inner), slots, ready).unwrap_or_else(|| Bins {
-                sum: vec![[0.0; 3]; slots],
-                square: vec![[0.0; 3]; slots],
+                slots: vec![Slot::default(); slots],
                 splats: ready.then(|| SplatSums::new(slots)),
             });
         if bytes(slots, false) <= MAX_KEPT_BYTES {
-            let pieces = bins.sum.par_chunks_mut(CLEARED).zip(bins.square.par_chunks_mut(CLEARED));
-            pieces.for_each(|(sum, square)| {
-                sum.fill([0.0; 3]);
-                square.fill([0.0; 3]);
-            });
+            bins.slots.par_chunks_mut(CLEARED).for_each(|slots| slots.fill(Slot::default()));
         }
         if let Some(splats) = &mut bins.splats {
             splats.clear();
@@ -59,7 +86,7 @@ impl Bins {
 
     /// Bytes that it takes.
     fn bytes(&self) -> u64 {
-        bytes(self.sum.len(), self.splats.is_some())
+        bytes(self.slots.len(), self.splats.is_some())
     }
 }
 
@@ -75,10 +102,10 @@ pub fn kept_bytes() -> u64 {
 
 /// What was left of this size and kind. If nothing was, a night has gone on to other pictures, and nothing is kept any longer.
 fn from(left: &mut Vec<Bins>, slots: usize, splats: bool) -> Option<Bins> {
-    match left.iter().rposition(|bins| bins.sum.len() == slots && bins.splats.is_some() == splats) {
+    match left.iter().rposition(|bins| bins.slots.len() == slots && bins.splats.is_some() == splats) {
         Some(i) => Some(left.remove(i)),
         None => {
-            left.retain(|bins| bins.sum.len() == slots);
+            left.retain(|bins| bins.slots.len() == slots);
             None
         }
     }
@@ -99,8 +126,10 @@ fn to(left: &mut Vec<Bins>, mut bins: Bins) {
 mod tests {
     use super::*;
 
+    const LIT: Slot = Slot { sum: [1.0; 3], square: [1.0; 3] };
+
     fn bins(slots: usize) -> Bins {
-        Bins { sum: vec![[1.0; 3]; slots], square: vec![[1.0; 3]; slots], splats: None }
+        Bins { slots: vec![LIT; slots], splats: None }
     }
 
     #[test]
@@ -109,8 +138,8 @@ mod tests {
         to(&mut left, bins(8));
         to(&mut left, bins(9));
         to(&mut left, bins(8));
-        assert_eq!(from(&mut left, 8, false).map(|bins| bins.square.len()), Some(8));
-        assert_eq!(left.iter().map(|bins| bins.sum.len()).collect::<Vec<_>>(), [8, 9]);
+        assert_eq!(from(&mut left, 8, false).map(|bins| bins.slots.len()), Some(8));
+        assert_eq!(left.iter().map(|bins| bins.slots.len()).collect::<Vec<_>>(), [8, 9]);
         // Another technique beside the first in turn ends nothing.
         assert!(from(&mut left, 8, true).is_none() && left.len() == 1);
         to(&mut left, Bins { splats: Some(SplatSums::new(8)), ..bins(8) });
@@ -122,7 +151,7 @@ mod tests {
     fn no_more_is_kept_than_there_is_room_for() {
         let half = (MAX_KEPT_BYTES / BYTES_PER_SLOT / 2) as usize;
         // Nothing is written to them, so that they take no memory.
-        let large = || Bins { sum: vec![[0.0; 3]; half], square: Vec::new(), splats: None };
+        let large = || Bins { slots: vec![Slot::default(); half], splats: None };
         let mut left = Vec::new();
         (0..3).for_each(|_| to(&mut left, large()));
         assert_eq!(left.len(), 2);
@@ -137,14 +166,13 @@ mod tests {
         let slots = 3 * CLEARED + 17;
         for _ in 0..2 {
             let mut own = Bins::new(slots, true);
-            assert!((own.sum.len(), own.square.len()) == (slots, slots));
-            assert!(own.sum.iter().all(|v| *v == [0.0; 3]) && own.square.iter().all(|v| *v == [0.0; 3]));
+            assert_eq!(own.slots.len(), slots);
+            assert!(own.slots.iter().all(|slot| *slot == Slot::default()));
             let splats = own.splats.as_ref().unwrap();
             splats.each(|i, _, _| panic!("something has landed on {i}"));
             assert!(splats.add(slots - 1, [1.0; 3]) && splats.sum(slots - 1) == [1.0; 3]);
             assert_eq!(splats.sum(slots - 2), [0.0; 3], "what was written to have the memory is gone");
-            own.sum.fill([1.0; 3]);
-            own.square.fill([1.0; 3]);
+            own.slots.fill(LIT);
             own.leave();
         }
     }

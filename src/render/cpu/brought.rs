@@ -1,13 +1,153 @@
-//! What paths that go together hand over.
+//! What samples bring.
 
-/// What light is that a sample has brought. All that is for other pixels comes first; then, sample by sample, the parts of
-/// what is for its own pixel in the order of its path, and the whole.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Brought {
-    /// All that one path brings to another pixel, whose column and row these are, and the path's optical length.
-    Elsewhere([u32; 2], f64),
-    /// What one path brings to the sample's own pixel, and its optical length: told only where a film has a time axis.
-    Part(f64),
-    /// The sum of what all paths bring to the sample's own pixel.
-    Whole,
+use glam::Vec3;
+
+use crate::film::time::{TimeAxis, TimeFilter};
+use crate::transport::flight::Timing;
+
+/// The column and the index of a sample.
+pub type Named = (u32, u64);
+
+/// What a sample brings to a slot of a film with a time axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
+pub struct Part {
+    /// The light.
+    pub value: [f32; 3],
+    /// The slot.
+    pub slot: u32,
+}
+
+impl Part {
+    /// Hands over what becomes of light that has come an optical length, slot by slot.
+    #[inline]
+    pub fn each(timing: &Timing, value: Vec3, length: f64, mut give: impl FnMut(Part)) {
+        let Timing { axis, filter, .. } = timing;
+        filter.spread(axis, axis.place(length), |slot, share| {
+            give(Part { value: share_of(value, share).to_array(), slot: slot as u32 });
+        });
+    }
+}
+
+/// Light that a path has found, and its [place](TimeAxis::place) on the time axis.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    value: Vec3,
+    path: u32,
+    place: f64,
+}
+
+/// What paths that go together have found for their own pixels, in slots of the time axis.
+#[derive(Default)]
+pub struct Parts {
+    /// In the order in which it was found.
+    found: Vec<Found>,
+    /// Path by path, those of each in the order in which they were found.
+    sorted: Vec<Part>,
+    /// Where those of each path end.
+    ends: Vec<u32>,
+}
+
+impl Parts {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.found.clear();
+    }
+
+    /// Takes what a path has found, and the optical length of it all.
+    #[inline]
+    pub fn push(&mut self, axis: &TimeAxis, path: u32, value: Vec3, length: f64) {
+        self.found.push(Found { value, path, place: axis.place(length) });
+    }
+
+    /// Sorts all by so many paths, in slots of the time axis.
+    pub fn sort(&mut self, timing: &Timing, paths: usize) {
+        let Timing { axis, filter, .. } = timing;
+        if *filter != TimeFilter::None {
+            self.spread(axis, filter);
+        }
+        self.ends.clear();
+        self.ends.resize(paths, 0);
+        for found in &self.found {
+            self.ends[found.path as usize] += 1;
+        }
+        let mut sum = 0;
+        for end in &mut self.ends {
+            sum += std::mem::replace(end, sum);
+        }
+        self.sorted.resize(self.found.len(), Part::default());
+        for found in &self.found {
+            let end = &mut self.ends[found.path as usize];
+            self.sorted[*end as usize] = Part { value: found.value.to_array(), slot: axis.slot(found.place) as u32 };
+            *end += 1;
+        }
+    }
+
+    /// Puts the shares of everything in its place.
+    fn spread(&mut self, axis: &TimeAxis, filter: &TimeFilter) {
+        for Found { value, path, place } in std::mem::take(&mut self.found) {
+            filter.spread(axis, place, |slot, share| {
+                self.found.push(Found { value: share_of(value, share), path, place: axis.middle(slot) });
+            });
+        }
+    }
+
+    /// Those of a path, once they are sorted.
+    #[inline]
+    pub fn of(&self, path: usize) -> &[Part] {
+        let begin = path.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.sorted[begin as usize..self.ends[path] as usize]
+    }
+}
+
+/// The share of a value that a filter gives to a slot.
+#[inline]
+fn share_of(value: Vec3, share: f64) -> Vec3 {
+    if share == 1.0 { value } else { value * share as f32 }
+}
+
+/// Who takes what samples that go together bring.
+pub trait Takes {
+    /// Takes what the sample brings to the pixel with this column and row, and the optical length of the path.
+    fn elsewhere(&mut self, sample: Named, pixel: [u32; 2], value: Vec3, length: f64);
+
+    /// Takes all that samples bring to their own pixels, and, where there is a time axis, what that is made of. All they
+    /// bring to others comes before.
+    fn own(&mut self, named: &[Named], values: &[Vec3], parts: Option<&Parts>);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AXIS: TimeAxis = TimeAxis { start: 1.0, bin: 0.5, bins: 4 };
+
+    #[test]
+    fn parts_are_sorted_by_paths_and_keep_their_order() {
+        let mut parts = Parts::default();
+        for again in 0..2 {
+            parts.clear();
+            for (path, value, length) in [(2, 1.0, 1.2), (0, 2.0, 0.0), (2, 3.0, 2.9), (2, 4.0, 1.2), (3, 5.0, 9.0)] {
+                parts.push(&AXIS, path, Vec3::splat(value), length);
+            }
+            parts.sort(&Timing::plain(AXIS), 5);
+            let of = |path| parts.of(path).iter().map(|p| (p.value[1], p.slot)).collect::<Vec<_>>();
+            assert_eq!([of(0), of(1), of(3), of(4)], [vec![(2.0, 0)], vec![], vec![(5.0, 5)], vec![]], "{again}");
+            assert_eq!(of(2), [(1.0, 1), (3.0, 4), (4.0, 1)]);
+        }
+    }
+
+    #[test]
+    fn a_filter_gives_what_it_gives_to_light_of_one_path() {
+        let timing = Timing { filter: TimeFilter::Gauss(0.7), ..Timing::plain(AXIS) };
+        let mut parts = Parts::default();
+        let mut one = Vec::new();
+        for length in [0.3, 1.0, 1.9, 2.99, 4.0] {
+            parts.push(&AXIS, 1, Vec3::new(0.1, 7.0, 1e-3), length);
+            Part::each(&timing, Vec3::new(0.1, 7.0, 1e-3), length, |part| one.push(part));
+        }
+        parts.sort(&timing, 2);
+        assert_eq!(parts.of(1), one);
+        assert!(one.len() > 10 && one.iter().any(|p| p.slot == 0) && one.iter().any(|p| p.slot == 5));
+    }
 }

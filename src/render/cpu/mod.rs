@@ -1,7 +1,7 @@
 //! The CPU backend: the default that needs nothing else, and the oracle of the others.
 //!
 //! [`accel`] holds the hierarchy, `packed` its compressed form, which `vulkan-compute` walks as well, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
-//! the sums of films beside the main one, `times` those of films with a time axis, `streams` paths in the lanes of vectors, `brought` what those hand over, [`together`] whose paths these can be, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
+//! the sums of films beside the main one, `times` those of films with a time axis, `streams` paths in the lanes of vectors, `row` the sums of a row of pixels, `brought` what samples bring there, [`together`] whose paths these can be, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
 
 pub mod accel;
 mod bins;
@@ -17,6 +17,7 @@ pub(super) mod packed;
 mod paths;
 pub mod rates;
 pub mod renderer;
+mod row;
 #[cfg_attr(not(target_arch = "x86_64"), path = "streams/none.rs")]
 mod streams;
 mod times;

@@ -9,9 +9,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
-use super::brought::Brought;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
+use super::row::{RowStats, RowSums, Splats};
 use super::streams::{Few, Streams};
 use super::times::{Gathering, TimeRow, TimeSums};
 use crate::film::Film;
@@ -154,39 +154,6 @@ fn words(accel: &Accel, spec: &AccelSpec, threads: usize, lanes: bool) -> String
     format!("cpu, {threads} threads, {tree}, {}{lanes}", accel.isa().name())
 }
 
-/// What the rows of a wave report, merged without order.
-#[derive(Clone, Copy, Default)]
-struct RowStats {
-    rays: u64,
-    invalid: u64,
-    /// Sample, row, column: the order in which "first" is meant.
-    first_invalid: Option<[u64; 3]>,
-}
-
-impl RowStats {
-    fn merge(self, other: RowStats) -> RowStats {
-        RowStats {
-            rays: self.rays + other.rays,
-            invalid: self.invalid + other.invalid,
-            first_invalid: [self.first_invalid, other.first_invalid].into_iter().flatten().min(),
-        }
-    }
-}
-
-/// Adds a sample to the sums of its pixel, if it is a number.
-#[inline]
-fn add(value: Vec3, sum: &mut [f64; 3], sum2: &mut [f64; 3]) -> bool {
-    let finite = value.is_finite();
-    if finite {
-        for c in 0..3 {
-            let v = f64::from(value[c]);
-            sum[c] += v;
-            sum2[c] += v * v;
-        }
-    }
-    finite
-}
-
 /// The sums of a row beside those of the picture.
 struct Apart<'a> {
     layers: Option<&'a mut [Sums]>,
@@ -229,6 +196,45 @@ impl Trace for Counted<'_> {
     }
 }
 
+/// One sample of a pixel, whose path goes by itself.
+fn one(
+    context: &Context,
+    job: &Job,
+    pixel: [u32; 2],
+    sample: u64,
+    row: &mut RowSums,
+    tally: &mut Option<Tally>,
+    traced: &Cell<u64>,
+) {
+    let x = pixel[0];
+    let (mut value, mut invalid) = (Vec3::ZERO, 0);
+    let rays = traced.get();
+    let mut sampler = (job.sampler.start)(job.seed, pixel, sample);
+    (job.integrator.sample)(context, pixel, &mut sampler, &mut |c| {
+        if c.t != 1 && c.pixel == pixel {
+            value += c.value;
+            invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
+            row.part(x, c.value, c.length);
+            return;
+        }
+        match row.splat(c.pixel, c.value, c.length) {
+            None => invalid += 1,
+            Some(place) => {
+                if let (Some(tally), Some(at)) = (tally.as_mut(), place) {
+                    invalid += tally.splat(at, &c);
+                }
+            }
+        }
+    });
+    let finite = row.add(x, value);
+    invalid += u64::from(!finite) + u64::from(!row.close(x, finite));
+    if let Some(tally) = tally {
+        let again = || (job.sampler.start)(job.seed, pixel, sample);
+        invalid += tally.close(context, pixel, finite, traced.get() - rays, again);
+    }
+    row.refused(x, sample, invalid);
+}
+
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
@@ -241,13 +247,10 @@ impl Renderer for CpuRenderer {
         let buffers: Mutex<Vec<SplatBuffer>> = Mutex::default();
         let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
         let (time_rows, landing) = TimeSums::rows(times, height);
-        let sums = || match &landing {
-            Some(landing) => landing.sums(),
-            None => splats.get_or_init(|| SplatSums::new(width as usize * height as usize)),
-        };
+        let splats = Splats { resolution: [width, height], plain: splats, landing };
         let (layer_rows, spec) = LayerSums::rows(layers, height);
         let streams = self.streams.as_ref();
-        let render_row = |y: u32, [sum, sum2]: [&mut [[f64; 3]]; 2], apart: Apart| {
+        let render_row = |y: u32, sums: [&mut [[f64; 3]]; 2], apart: Apart| {
             let trace = Counted { accel, few: streams.and_then(Streams::few), rays: Cell::new(0) };
             let context = Context {
                 scene,
@@ -259,93 +262,23 @@ impl Renderer for CpuRenderer {
                 settings: &settings,
                 timing: job.timing.as_ref(),
             };
-            let mut stats = RowStats::default();
-            let mut buffer = idle().pop().unwrap_or_default();
-            let mut by_time = apart.times.zip(landing).map(|(row, landing)| Gathering::new(landing, row));
+            let buffer = idle().pop().unwrap_or_default();
+            let by_time = apart.times.zip(splats.landing).map(|(row, landing)| Gathering::new(landing, row));
+            let mut row = RowSums::new(y, sums, by_time, splats, buffer);
+            let samples = first..first + samples;
             if let Some(streams) = streams {
-                streams.row(&context, job, y, first..first + samples, |x, sample, brought, value| {
-                    let mut invalid = match brought {
-                        Brought::Whole => {
-                            let finite = add(value, &mut sum[x as usize], &mut sum2[x as usize]);
-                            let room = by_time.as_mut().is_none_or(|by_time| by_time.close(x, finite));
-                            u64::from(!finite) + u64::from(!room)
-                        }
-                        Brought::Part(length) => {
-                            if let Some(by_time) = &mut by_time {
-                                by_time.own(x, value, length);
-                            }
-                            return;
-                        }
-                        Brought::Elsewhere([column, row], length) => {
-                            let at = row as usize * width as usize + column as usize;
-                            let mut push = || match &landing {
-                                Some(landing) => landing.splat(at, (value, length), |i, v| buffer.push(i, v)),
-                                None => buffer.push(at, value.to_array()),
-                            };
-                            u64::from(!(value == Vec3::ZERO || column < width && row < height && push()))
-                        }
-                    };
-                    if buffer.is_full() {
-                        invalid += buffer.flush(sums());
-                    }
-                    if invalid > 0 {
-                        let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
-                        stats = stats.merge(RowStats { rays: 0, invalid, first_invalid });
-                    }
-                });
-                idle().push(buffer);
-                return RowStats { rays: trace.rays.get(), ..stats };
-            }
-            let mut tally = apart.layers.zip(spec).map(|(row, spec)| Tally::new(spec, row));
-            for x in 0..width {
-                let pixel = [x, y];
-                for sample in first..first + samples {
-                    let mut value = Vec3::ZERO;
-                    let mut invalid = 0;
-                    let rays = trace.rays.get();
-                    let mut sampler = (job.sampler.start)(job.seed, pixel, sample);
-                    (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
-                        if c.t != 1 && c.pixel == pixel {
-                            value += c.value;
-                            invalid += tally.as_mut().map_or(0, |tally| tally.own(&c));
-                            if let Some(by_time) = &mut by_time {
-                                by_time.own(x, c.value, c.length);
-                            }
-                        } else {
-                            let inside = c.pixel[0] < width && c.pixel[1] < height;
-                            let at = c.pixel[1] as usize * width as usize + c.pixel[0] as usize;
-                            let mut push = || match &landing {
-                                Some(landing) => landing.splat(at, (c.value, c.length), |i, v| buffer.push(i, v)),
-                                None => buffer.push(at, c.value.to_array()),
-                            };
-                            if c.value != Vec3::ZERO && !(inside && push()) {
-                                invalid += 1;
-                            } else if let Some(tally) = tally.as_mut().filter(|_| inside) {
-                                invalid += tally.splat(at, &c);
-                            }
-                        }
-                    });
-                    let finite = add(value, &mut sum[x as usize], &mut sum2[x as usize]);
-                    invalid += u64::from(!finite);
-                    if let Some(by_time) = &mut by_time {
-                        invalid += u64::from(!by_time.close(x, finite));
-                    }
-                    if let Some(tally) = &mut tally {
-                        let rays = trace.rays.get() - rays;
-                        let again = || (job.sampler.start)(job.seed, pixel, sample);
-                        invalid += tally.close(&context, pixel, finite, rays, again);
-                    }
-                    if buffer.is_full() {
-                        invalid += buffer.flush(sums());
-                    }
-                    if invalid > 0 {
-                        let first_invalid = Some([sample, u64::from(y), u64::from(x)]);
-                        stats = stats.merge(RowStats { rays: 0, invalid, first_invalid });
+                streams.row(&context, job, y, samples, &mut row);
+            } else {
+                let mut tally = apart.layers.zip(spec).map(|(row, spec)| Tally::new(spec, row));
+                for x in 0..width {
+                    for sample in samples.clone() {
+                        one(&context, job, [x, y], sample, &mut row, &mut tally, &trace.rays);
                     }
                 }
             }
+            let (stats, buffer) = row.end(trace.rays.get());
             idle().push(buffer);
-            RowStats { rays: trace.rays.get(), ..stats }
+            stats
         };
         let stats = pool.install(|| {
             let width = width as usize;
@@ -360,7 +293,7 @@ impl Renderer for CpuRenderer {
         // By all threads: there are as many buffers as those, and one of them would keep the others waiting.
         let without_room: u64 = pool.install(|| {
             let mut left = idle();
-            left.par_iter_mut().filter(|b| !b.is_empty()).map(|buffer| buffer.flush(sums())).sum()
+            left.par_iter_mut().filter(|b| !b.is_empty()).map(|buffer| buffer.flush(splats.sums())).sum()
         });
         let locks: u64 = idle().iter().map(SplatBuffer::locks).sum();
         self.shared_writes += 3 * u64::from(height) + locks;

@@ -5,12 +5,14 @@
 //! are those of its slots, added in their order, so that the two have the same bits.
 
 use std::io::{self, Write};
+use std::mem::{replace, take};
 use std::sync::OnceLock;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::bins::Bins;
+use super::bins::{Bins, Slot};
+use super::brought::Part;
 use crate::film::Film;
 use crate::film::prefetch::prefetch;
 use crate::film::splat::{self, SplatSums};
@@ -28,10 +30,7 @@ pub(super) struct TimeSums {
 }
 
 /// What the sums of a row of pixels are added to.
-pub(super) struct TimeRow<'a> {
-    sum: &'a mut [[f64; 3]],
-    square: &'a mut [[f32; 3]],
-}
+pub(super) type TimeRow<'a> = &'a mut [Slot];
 
 impl TimeSums {
     /// Those that a job asks for, if any, made ready by the threads of the pool in which this is called.
@@ -53,11 +52,9 @@ impl TimeSums {
     pub(super) fn rows(times: &mut Option<TimeSums>, height: u32) -> (Vec<Option<TimeRow<'_>>>, Option<Landing<'_>>) {
         match times {
             None => ((0..height).map(|_| None).collect(), None),
-            Some(TimeSums { timing, bins: Bins { sum, square, .. }, splats }) => {
-                let n = sum.len();
-                let row = (n / (height as usize).max(1)).max(1);
-                let rows = sum.chunks_mut(row).zip(square.chunks_mut(row));
-                let rows = rows.map(|(sum, square)| Some(TimeRow { sum, square })).collect();
+            Some(TimeSums { timing, bins: Bins { slots, .. }, splats }) => {
+                let n = slots.len();
+                let rows = slots.chunks_mut((n / (height as usize).max(1)).max(1)).map(Some).collect();
                 (rows, Some(Landing { timing, splats, size: n }))
             }
         }
@@ -67,8 +64,8 @@ impl TimeSums {
     pub(super) fn film(&self, own: &Film) -> Film {
         let n = self.timing.axis.slots();
         let mut film = own.clone();
-        for (sum, slots) in film.sum.iter_mut().zip(self.bins.sum.chunks_exact(n)) {
-            *sum = total(slots);
+        for (sum, slots) in film.sum.iter_mut().zip(self.bins.slots.chunks_exact(n)) {
+            *sum = total(slots.iter().map(|slot| slot.sum));
         }
         let Some(splats) = self.splats.get() else { return film };
         let mut landed = vec![([0.0; 3], [0.0; 3]); film.sum.len()];
@@ -78,7 +75,7 @@ impl TimeSums {
         let mut own_up_to = |until: usize, sums: &mut Vec<[f64; 3]>| {
             for i in next..until {
                 let sum = &mut sums[i / n];
-                (0..3).for_each(|c| sum[c] += self.bins.sum[i][c]);
+                (0..3).for_each(|c| sum[c] += self.bins.slots[i].sum[c]);
             }
             next = until + 1;
         };
@@ -86,12 +83,12 @@ impl TimeSums {
             own_up_to(i, &mut sums);
             let (all, pixel) = (&mut sums[i / n], &mut landed[i / n]);
             for c in 0..3 {
-                all[c] += self.bins.sum[i][c] + splat[c];
+                all[c] += self.bins.slots[i].sum[c] + splat[c];
                 pixel.0[c] += splat[c];
                 pixel.1[c] += squares[c];
             }
         });
-        own_up_to(self.bins.sum.len(), &mut sums);
+        own_up_to(self.bins.slots.len(), &mut sums);
         for (pixel, landed) in landed.into_iter().enumerate() {
             let own = (film.sum[pixel], film.sum2[pixel]);
             film.sum2[pixel] = splat::join(landed, own, film.samples).1;
@@ -107,8 +104,8 @@ impl TimeSums {
             width,
             height,
             samples,
-            sum: self.bins.sum.clone(),
-            square: self.bins.square.clone(),
+            sum: self.bins.slots.iter().map(|slot| slot.sum).collect(),
+            square: self.bins.slots.iter().map(|slot| slot.square).collect(),
         };
         if let Some(splats) = self.splats.get() {
             splats.each(|i, splat, squares| {
@@ -122,11 +119,12 @@ impl TimeSums {
 
     /// Writes all sums; slots without light are left out.
     pub(super) fn save(&self, to: &mut dyn Write) -> io::Result<()> {
-        let lit = |i: &usize| self.bins.sum[*i] != [0.0; 3] || self.bins.square[*i] != [0.0; 3];
-        write_words(to, [self.bins.sum.len() as u64, (0..self.bins.sum.len()).filter(lit).count() as u64])?;
-        let words = (0..self.bins.sum.len()).filter(lit).flat_map(|i| {
-            let [a, b, c] = self.bins.square[i].map(|q| u64::from(q.to_bits()));
-            let [x, y, z] = self.bins.sum[i].map(f64::to_bits);
+        let slots = &self.bins.slots;
+        let lit = |i: &usize| slots[*i].sum != [0.0; 3] || slots[*i].square != [0.0; 3];
+        write_words(to, [slots.len() as u64, (0..slots.len()).filter(lit).count() as u64])?;
+        let words = (0..slots.len()).filter(lit).flat_map(|i| {
+            let [a, b, c] = slots[i].square.map(|q| u64::from(q.to_bits()));
+            let [x, y, z] = slots[i].sum.map(f64::to_bits);
             [i as u64 | a << 32, x, y, z, b | c << 32]
         });
         write_words(to, words)?;
@@ -136,20 +134,18 @@ impl TimeSums {
     /// Takes the sums of the same axis and picture.
     pub(super) fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Misfit> {
         let lit = [from.word()?, from.word()?];
-        if lit[0] != self.bins.sum.len() as u64 {
+        if lit[0] != self.bins.slots.len() as u64 {
             return Err(Misfit);
         }
         for _ in 0..lit[1] {
             let (place, sum) = (from.word()?, [from.word()?, from.word()?, from.word()?]);
             let rest = from.word()?;
             let i = (place & u64::from(u32::MAX)) as usize;
-            let (Some(at), Some(square)) = (self.bins.sum.get_mut(i), self.bins.square.get_mut(i)) else {
-                return Err(Misfit);
-            };
-            *at = sum.map(f64::from_bits);
-            *square = [place >> 32, rest & u64::from(u32::MAX), rest >> 32].map(|q| f32::from_bits(q as u32));
+            let slot = self.bins.slots.get_mut(i).ok_or(Misfit)?;
+            slot.sum = sum.map(f64::from_bits);
+            slot.square = [place >> 32, rest & u64::from(u32::MAX), rest >> 32].map(|q| f32::from_bits(q as u32));
         }
-        let splats = SplatSums::restore(self.bins.sum.len(), from)?;
+        let splats = SplatSums::restore(self.bins.slots.len(), from)?;
         let ready = self.splats.take().is_some();
         if let (true, Some(splats)) = (ready, &splats) {
             (0..splats.stripes()).into_par_iter().for_each(|stripe| splats.reserve(stripe));
@@ -187,70 +183,134 @@ impl<'a> Landing<'a> {
         (value, length): (Vec3, f64),
         mut push: impl FnMut(usize, [f32; 3]) -> bool,
     ) -> bool {
-        let Timing { axis, filter, .. } = self.timing;
+        let first = pixel * self.timing.axis.slots();
         let mut taken = true;
-        filter.spread(axis, axis.place(length), |slot, share| {
-            let value = if share == 1.0 { value } else { value * share as f32 };
-            taken &= push(pixel * axis.slots() + slot, value.to_array());
-        });
+        Part::each(self.timing, value, length, |part| taken &= push(first + part.slot as usize, part.value));
         taken
     }
 }
 
-/// Where a row's samples gather before they are added to the sums.
+/// Puts what the samples of a row bring to their own pixels into its slots.
 pub(super) struct Gathering<'a> {
     timing: &'a Timing,
-    row: TimeRow<'a>,
-    /// What the sample in progress has brought, by slot.
-    values: Vec<[f64; 3]>,
-    /// The slots that hold any of it.
-    touched: Vec<u32>,
+    row: &'a mut [Slot],
+    /// What the sample in progress has brought so far, of paths that go one by one.
+    parts: Vec<Part>,
+    /// Of every slot the number of the last sample that brought anything there.
+    last: Vec<u32>,
+    sample: u32,
+    /// What a sample brings that comes to a slot twice: every slot once.
+    joined: Vec<Part>,
+    /// Of every slot where among those it is, if it is there: what else stands here says nothing.
+    places: Vec<u32>,
 }
 
 impl<'a> Gathering<'a> {
     /// For one row.
     pub(super) fn new(landing: Landing<'a>, row: TimeRow<'a>) -> Gathering<'a> {
         let timing = landing.timing;
-        Gathering { timing, row, values: vec![[0.0; 3]; timing.axis.slots()], touched: Vec::new() }
+        let slots = timing.axis.slots();
+        let (last, places) = (vec![0; slots], vec![0; slots]);
+        Gathering { timing, row, parts: Vec::new(), last, sample: 0, joined: Vec::new(), places }
     }
 
     /// Takes light for the sample's own pixel, which is in column `x`, and the optical length of its path.
     #[inline]
     pub(super) fn own(&mut self, x: u32, value: Vec3, length: f64) {
-        let Timing { axis, filter, .. } = self.timing;
-        let (values, touched) = (&mut self.values, &mut self.touched);
-        let first = x as usize * values.len();
-        let value = value.as_dvec3().to_array();
-        filter.spread(axis, axis.place(length), |slot, share| {
-            let sums = &mut values[slot];
-            if *sums == [0.0; 3] {
-                touched.push(slot as u32);
-                // Films are larger than caches, and the end of the sample is far away.
-                prefetch(&self.row.sum[first + slot]);
-                prefetch(&self.row.square[first + slot]);
-            }
-            (0..3).for_each(|c| sums[c] += value[c] * share);
+        let first = x as usize * self.last.len();
+        Part::each(self.timing, value, length, |part| {
+            prefetch(&self.row[first + part.slot as usize]);
+            self.parts.push(part);
         });
     }
 
     /// Ends a sample of column `x`; `counts` is whether the picture took it. Returns whether there was room for squares.
     #[inline]
     pub(super) fn close(&mut self, x: u32, counts: bool) -> bool {
-        let first = x as usize * self.values.len();
+        let mut parts = take(&mut self.parts);
+        let room = !counts || self.add(x, &parts);
+        parts.clear();
+        self.parts = parts;
+        room
+    }
+
+    /// Fetches the slots of parts that will be added to column `x`: films are larger than caches.
+    #[inline]
+    pub(super) fn fetch(&self, x: u32, parts: &[Part]) {
+        let slots = self.last.len();
+        let row = &self.row[x as usize * slots..][..slots];
+        parts.iter().for_each(|part| prefetch(&row[part.slot as usize]));
+    }
+
+    /// Adds all parts of a sample of column `x`. Returns whether there was room for squares.
+    #[inline]
+    pub(super) fn add(&mut self, x: u32, parts: &[Part]) -> bool {
+        // Where the number of a sample comes again after 2^32 others, parts are joined that need not be.
+        self.sample = self.sample.wrapping_add(1);
+        let mut apart = true;
+        for part in parts {
+            let last = replace(&mut self.last[part.slot as usize], self.sample);
+            apart &= last != self.sample;
+        }
+        if !apart {
+            self.join(parts);
+        }
+        let slots = self.last.len();
+        let row = &mut self.row[x as usize * slots..][..slots];
         let mut room = true;
-        for slot in self.touched.drain(..) {
-            let slot = slot as usize;
-            let value = std::mem::take(&mut self.values[slot]);
-            if !counts {
-                continue;
+        if apart {
+            for part in parts {
+                let slot = &mut row[part.slot as usize];
+                slot.add(part.value);
+                room &= slot.add_square(part.value);
             }
-            let (sum, square) = (&mut self.row.sum[first + slot], &mut self.row.square[first + slot]);
-            for c in 0..3 {
-                sum[c] += value[c];
-                square[c] += (value[c] * value[c]) as f32;
-                room &= square[c].is_finite();
-            }
+        } else {
+            // Part by part, so that what comes together rounds no sum: a film's picture does not know when its light arrives.
+            parts.iter().for_each(|part| row[part.slot as usize].add(part.value));
+            self.joined.iter().for_each(|all| room &= row[all.slot as usize].add_square(all.value));
         }
         room
+    }
+
+    /// Makes one of all parts for the same slot: what a sample brings there has one square.
+    fn join(&mut self, parts: &[Part]) {
+        self.joined.clear();
+        for part in parts {
+            let place = &mut self.places[part.slot as usize];
+            match self.joined.get_mut(*place as usize) {
+                Some(all) if all.slot == part.slot => (0..3).for_each(|c| all.value[c] += part.value[c]),
+                _ => {
+                    *place = self.joined.len() as u32;
+                    self.joined.push(*part);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::time::TimeAxis;
+
+    #[test]
+    fn what_a_sample_brings_to_a_slot_has_one_square_and_what_overflows_is_told() {
+        let timing = Timing::plain(TimeAxis { start: 0.0, bin: 1.0, bins: 4 });
+        let splats = OnceLock::new();
+        let mut row = vec![Slot::default(); 2 * timing.axis.slots()];
+        let landing = Landing { timing: &timing, splats: &splats, size: row.len() };
+        let mut gathering = Gathering::new(landing, &mut row);
+        let mut sample = |parts: &[(f32, f64)], counts: bool| {
+            parts.iter().for_each(|(value, length)| gathering.own(1, Vec3::splat(*value), *length));
+            gathering.close(1, counts)
+        };
+        assert!(sample(&[(1.5, 0.2), (2.0, 2.5), (0.5, 0.9)], true));
+        assert!(sample(&[(1.0, 0.5), (8.0, 9.0)], true));
+        assert!(sample(&[(7.0, 0.5)], false), "what the picture has refused is dropped");
+        assert!(!sample(&[(1e20, -1.0)], true), "no room for its square");
+        let of = |slot: usize| (row[6 + slot].sum[1], row[6 + slot].square[1]);
+        assert_eq!([of(1), of(2), of(3), of(5)], [(3.0, 5.0), (0.0, 0.0), (2.0, 4.0), (8.0, 64.0)]);
+        assert_eq!(of(0), (f64::from(1e20f32), f32::INFINITY));
+        assert!(row[..6].iter().all(|slot| *slot == Slot::default()), "another pixel");
     }
 }

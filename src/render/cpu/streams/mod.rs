@@ -29,11 +29,11 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use self::clock::Clock;
+use self::clock::Emitted;
 pub use self::few::Few;
 use self::table::Table;
 use super::accel::Accel;
-use super::brought::Brought;
+use super::brought::{Named, Parts, Takes};
 use super::lanes::Isa;
 use super::together::{Kind, alone};
 use crate::math::lanes::{Row, Width};
@@ -63,9 +63,6 @@ fn step_of<const TIMED: bool>(kind: Kind) -> Option<StepFn<TIMED>> {
     }
 }
 
-/// The column and the index of a sample.
-type Named = (u32, u64);
-
 /// What is known of a scene before its rays are.
 pub struct Streams {
     kind: Kind,
@@ -73,8 +70,8 @@ pub struct Streams {
     few: Option<Few>,
 }
 
-/// A path between two steps: 32 numbers, rows 0 and 1 what [`State`] has and how many random numbers were taken, row 2
-/// where its ray met what, and the key of its numbers.
+/// A path between two steps: 24 numbers, rows 0 and 1 what [`State`] has, how many random numbers were taken and the optical
+/// length so far, row 2 where its ray met what, and the key of its numbers.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 struct Record {
@@ -90,28 +87,19 @@ struct Waiting {
     path: u32,
 }
 
-/// Light that a path has found, and the optical length of the whole path.
-#[derive(Clone, Copy, Debug, Default)]
-struct Found {
-    path: u32,
-    value: Vec3,
-    length: f64,
-}
-
 /// The paths of a tile, and who of them is where.
 #[derive(Default)]
 struct Tile {
     records: Vec<Record>,
-    /// Those of all paths, where there is a time axis.
-    clocks: Vec<Clock>,
+    /// When light was emitted, and the index of the medium in which each path is, where there is a time axis.
+    emitted: Emitted,
+    index: Vec<f32>,
     values: Vec<Vec3>,
     waiting: Vec<Waiting>,
     /// When what waits arrives, where there is a time axis.
     lengths: Vec<f64>,
-    /// What makes up the values, where there is a time axis, of each path in the order of its steps.
-    found: Vec<Found>,
-    /// The same path by path.
-    by_path: Vec<Found>,
+    /// What makes up the values, where there is a time axis.
+    parts: Parts,
     /// The paths that make a step, and those of them that go on.
     active: Vec<u32>,
     next: Vec<u32>,
@@ -204,17 +192,10 @@ impl Streams {
 
     /// Some samples of all pixels of row `y`. What they bring is handed over with their column and index: first all that is
     /// for other pixels, and then what is for their own, in the order of the loops.
-    pub fn row(
-        &self,
-        context: &Context,
-        job: &Job,
-        y: u32,
-        samples: Range<u64>,
-        done: impl FnMut(u32, u64, Brought, Vec3),
-    ) {
+    pub fn row(&self, context: &Context, job: &Job, y: u32, samples: Range<u64>, takes: &mut impl Takes) {
         match context.timing {
-            None => self.row_of::<false>(context, job, y, samples, done),
-            Some(_) => self.row_of::<true>(context, job, y, samples, done),
+            None => self.row_of::<false>(context, job, y, samples, takes),
+            Some(_) => self.row_of::<true>(context, job, y, samples, takes),
         }
     }
 
@@ -224,7 +205,7 @@ impl Streams {
         job: &Job,
         y: u32,
         samples: Range<u64>,
-        mut done: impl FnMut(u32, u64, Brought, Vec3),
+        takes: &mut impl Takes,
     ) {
         let (mut tile, mut pairs) = (Tile::default(), joined::Tile::default());
         let step = step_of::<TIMED>(self.kind);
@@ -232,8 +213,8 @@ impl Streams {
         let mut named: Vec<Named> = Vec::with_capacity(size);
         let mut render = |named: &mut Vec<Named>| {
             match step {
-                Some(step) => self.tile::<TIMED>(step, context, job, y, named, &mut tile, &mut done),
-                None => joined::tile::<TIMED>(&self.table, context, job, y, named, &mut pairs, &mut done),
+                Some(step) => self.tile::<TIMED>(step, context, job, y, named, &mut tile, takes),
+                None => joined::tile::<TIMED>(&self.table, context, job, y, named, &mut pairs, takes),
             }
             named.clear();
         };
@@ -257,23 +238,20 @@ impl Streams {
         y: u32,
         named: &[Named],
         tile: &mut Tile,
-        done: &mut impl FnMut(u32, u64, Brought, Vec3),
+        takes: &mut impl Takes,
     ) {
         tile.records.clear();
         start::begin(self.table.width, job, context.camera, y, named, &mut tile.records);
         tile.values.clear();
         tile.values.resize(tile.records.len(), Vec3::ZERO);
         if TIMED {
-            tile.clocks.clear();
-            let clock = |record: &Record| Clock::of_camera(context, clock::emitted(context, record));
-            tile.clocks.extend(tile.records.iter().map(clock));
-            tile.found.clear();
+            tile.emitted.begin(context, &tile.records);
+            tile.index.clear();
+            tile.index.resize(tile.records.len(), clock::medium(context));
+            tile.parts.clear();
         }
         self.paths::<TIMED>(step, context, named, y, tile);
-        if TIMED {
-            by_path(&tile.found, tile.records.len(), &mut tile.by_path);
-        }
-        hand_over::<TIMED>(named, &tile.values, &tile.by_path, done);
+        hand_over(context, named, &tile.values, &mut tile.parts, takes);
     }
 
     fn paths<const TIMED: bool>(
@@ -321,8 +299,8 @@ impl Streams {
                 if light.distance <= 0.0 || hidden.next() == Some(&false) {
                     let Waiting { path, value, .. } = light;
                     tile.values[path as usize] += value;
-                    if TIMED {
-                        tile.found.push(Found { path, value, length: tile.lengths[i] });
+                    if TIMED && let Some(timing) = context.timing {
+                        tile.parts.push(&timing.axis, path, value, tile.lengths[i]);
                     }
                 }
             }
@@ -346,18 +324,19 @@ fn by_itself<const TIMED: bool>(
     let record = &mut tile.records[path];
     let mut sampler = Sampler::Independent(record.numbers());
     let flight = if TIMED {
-        let [_, x, y, z, ..] = record.rows[1].0;
+        let [_, x, y, z, .., length] = record.rows[1].0;
         let from = if depth == 1 { record.ray().origin } else { Vec3::new(x, y, z) };
-        Flight::resumed(context, tile.clocks[path].stamp(), from, !clock::counts(context, depth))
+        let stamp = Stamp { path: length, late: tile.emitted.of(path), delay: 0.0, index: tile.index[path] };
+        Flight::resumed(context, stamp, from, !clock::counts(context, depth))
     } else {
         Flight::resumed(context, Stamp::default(), Vec3::ZERO, false)
     };
     let mut walk = Walk::resumed(record.state(), flight, &sampler);
-    let (value, found) = (&mut tile.values[path], &mut tile.found);
+    let (value, parts) = (&mut tile.values[path], &mut tile.parts);
     let mut sink = |c: Contribution| {
         *value += c.value;
-        if TIMED {
-            found.push(Found { path: path as u32, value: c.value, length: c.length });
+        if TIMED && let Some(timing) = context.timing {
+            parts.push(&timing.axis, path as u32, c.value, c.length);
         }
     };
     let goes_on = step(&mut walk, context, pixel, &mut sampler, &mut sink, depth, hit);
@@ -367,48 +346,20 @@ fn by_itself<const TIMED: bool>(
         record.put(&walk.state, numbers.taken());
         if TIMED {
             record.rows[1].0[1..4].copy_from_slice(&walk.flight.from().to_array());
-            tile.clocks[path] = Clock::new(&walk.flight.stamp());
+            let stamp = walk.flight.stamp();
+            (record.rows[1].0[7], tile.index[path]) = (stamp.path, stamp.index);
         }
     }
     goes_on
 }
 
-/// Sorts what so many paths have found by paths, and leaves the order of what each has found as it is.
-fn by_path(found: &[Found], paths: usize, sorted: &mut Vec<Found>) {
-    let mut places = vec![0; paths];
-    for part in found {
-        places[part.path as usize] += 1;
-    }
-    let mut sum = 0;
-    for place in &mut places {
-        sum += std::mem::replace(place, sum);
-    }
-    sorted.resize(found.len(), Found::default());
-    for part in found {
-        let place = &mut places[part.path as usize];
-        sorted[*place] = *part;
-        *place += 1;
-    }
-}
-
-/// Hands over what samples bring to their own pixels: the values, and, where there is a time axis, what each of them was
-/// found as, in the same order.
-#[inline]
-fn hand_over<const TIMED: bool>(
-    named: &[Named],
-    values: &[Vec3],
-    found: &[Found],
-    done: &mut impl FnMut(u32, u64, Brought, Vec3),
-) {
-    let mut parts = found.iter().peekable();
-    for (path, ((x, sample), value)) in named.iter().zip(values).enumerate() {
-        if TIMED {
-            while let Some(part) = parts.next_if(|part| part.path as usize == path) {
-                done(*x, *sample, Brought::Part(part.length), part.value);
-            }
-        }
-        done(*x, *sample, Brought::Whole, *value);
-    }
+/// Hands over what samples bring to their own pixels: the values, and, where there is a time axis, what makes them up.
+fn hand_over(context: &Context, named: &[Named], values: &[Vec3], parts: &mut Parts, takes: &mut impl Takes) {
+    let parts = context.timing.map(|timing| {
+        parts.sort(timing, named.len());
+        &*parts
+    });
+    takes.own(named, values, parts);
 }
 
 /// Whether a step would end the path without any light: known without making it.

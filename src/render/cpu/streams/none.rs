@@ -2,10 +2,8 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
-
 use super::accel::Accel;
-use super::brought::Brought;
+use super::brought::Takes;
 use crate::render::Job;
 use crate::scene::CompiledScene;
 use crate::transport::integrator::Context;
@@ -41,7 +39,7 @@ impl Streams {
     }
 
     /// Never called.
-    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: impl FnMut(u32, u64, Brought, Vec3)) {
+    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: &mut impl Takes) {
         match *self {}
     }
 }

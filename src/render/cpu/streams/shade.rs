@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::clock::{self, Clock};
+use super::clock;
 use super::lamps::{Direct, Lamps};
 use super::table::{Common, Table};
 use super::{SPECULAR, Tile, Waiting};
@@ -305,10 +305,14 @@ fn step_of_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let active = R::Mask::first(group.len());
 
     let point = points::<R, N>(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
-    let mut stamp = clock::stamps::<R, N, TIMED>(&tile.clocks, lanes);
-    if TIMED && clock::counts(context, depth) {
-        let from = if depth == 1 { origin } else { R::Vec3::new(state[1], state[2], state[3]) };
-        stamp.travel(from, point.position);
+    let mut stamp = Stamp { path: state[7], late: zero, delay: zero, index: zero };
+    if TIMED {
+        stamp.late = tile.emitted.of_lanes(lanes);
+        stamp.index = R::load(&each(lanes, |i| tile.index[i]));
+        if clock::counts(context, depth) {
+            let from = if depth == 1 { origin } else { R::Vec3::new(state[1], state[2], state[3]) };
+            stamp.travel(from, point.position);
+        }
     }
     let rows = each(primitives, |p| &table.rows[table.row_of[p as usize] as usize]);
     let vertices = Vertices::<R>::new(point, -dir, rows, &common, active);
@@ -339,14 +343,12 @@ fn step_of_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let from = vertices.point.position;
     let start = offset_by_axis(from, towards(vertices.point.n_geometric, wi));
     let way = [start.x(), start.y(), start.z(), wi.x(), wi.y(), wi.z(), throughput.x(), throughput.y()];
-    let state = [throughput.z(), from.x(), from.y(), from.z(), last, eta_scale, taken.as_bits(), zero];
+    let state = [throughput.z(), from.x(), from.y(), from.z(), last, eta_scale, taken.as_bits(), stamp.path];
     let (way, state) = (R::stored(way), R::stored(state));
     if TIMED {
         stamp.leave(s.sample.eta);
-        let clocks = clock::clocks::<R, N>(&stamp);
-        for i in set(on.bits()) {
-            tile.clocks[lanes[i]] = Clock(clocks[i]);
-        }
+        let index = stamp.index.store();
+        set(on.bits()).for_each(|i| tile.index[lanes[i]] = index[i]);
     }
     for i in set(on.bits()) {
         tile.records[lanes[i]].rows[0] = way[i];

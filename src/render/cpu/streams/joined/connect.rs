@@ -6,7 +6,6 @@ use glam::Vec3;
 use super::{Node, Own, Subpaths, Work};
 use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
-use crate::render::cpu::streams::Found;
 use crate::render::cpu::streams::shade::{INSIDE, Vertices, shadow_ray, shadow_rays};
 use crate::transport::bsdf::{BsdfValue, Mode, index_ratio};
 use crate::transport::camera::FilterSpec;
@@ -189,8 +188,11 @@ impl Lists {
         work.table.width.run(Make { lists: self, work, light, camera, splat });
         for (i, (path, value)) in self.slots.lights.drain(..).enumerate() {
             own.values[path as usize] += value;
-            if TIMED && value != Vec3::ZERO {
-                own.found.push(Found { path, value, length: self.slots.lengths[i] });
+            if TIMED
+                && value != Vec3::ZERO
+                && let Some(timing) = work.context.timing
+            {
+                own.parts.push(&timing.axis, path, value, self.slots.lengths[i]);
             }
         }
         self.slots.lengths.clear();
@@ -309,7 +311,7 @@ impl<const TIMED: bool> Work<'_, TIMED> {
     /// When light of these paths arrives that only has to go so far to the lens.
     #[inline(always)]
     pub(super) fn lens_lengths<R: Lanes<N>, const N: usize>(&self, of: [u32; N], distance: R) -> R::Double {
-        let emitted = R::load(&each(of, |path| self.emitted[path as usize]));
+        let emitted: R = self.emitted.of_lanes(each(of, |path| path as usize));
         let timing = self.context.timing.filter(|timing| timing.camera);
         let last = timing.map_or(R::of(0.0), |timing| R::of(timing.medium) * distance);
         emitted.double() + last.double()

@@ -13,12 +13,12 @@ use glam::Vec3;
 
 use self::connect::Lists;
 use self::start::Starts;
-use super::clock::{self, Clock};
+use super::clock::{self, Emitted};
 use super::table::Table;
-use super::{Found, Named, Record, hand_over, numbers_in, put_hit, ray_in};
+use super::{Record, hand_over, numbers_in, put_hit, ray_in};
 use crate::math::lanes::Row;
 use crate::render::Job;
-use crate::render::cpu::brought::Brought;
+use crate::render::cpu::brought::{Named, Parts, Takes};
 use crate::scene::compile::NONE;
 use crate::transport::flight::{Flight, Stamp};
 use crate::transport::integrator::Context;
@@ -38,13 +38,13 @@ struct Work<'a, const TIMED: bool> {
     table: &'a Table,
     context: &'a Context<'a>,
     h: Heuristic,
-    /// When the light of each sample was emitted, where there is a time axis.
-    emitted: &'a [f32],
+    emitted: &'a Emitted,
 }
 
 /// A subpath between two of its vertices. In rows: its ray and what it carries; what the ray left, by position and normal,
-/// and the promise of its roulette; where the ray met what, and the key of its numbers; how many of them were taken,
-/// probability and area of a plain triangle where the light path starts there, and light that it met.
+/// and the promise of its roulette; where the ray met what, and the key of its numbers; how many of them were taken, the
+/// optical length so far and the index of the medium, where there is a time axis, and light that it met. What starts on a
+/// light has, in the place of those two, probability and area of it if it is a plain triangle.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 struct Walker {
@@ -54,7 +54,8 @@ struct Walker {
 }
 
 /// A vertex of a subpath. In rows: position, geometric normal, the factor of the way back, and the row of its material;
-/// shading normal, direction to the vertex before, what the path carries; the rest of that, and a [clock](Clock).
+/// shading normal, direction to the vertex before, what the path carries; the rest of that, and the optical length of the path,
+/// when its light was emitted, and the index of the medium through which it came, where there is a time axis.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 struct Node {
@@ -72,8 +73,6 @@ struct Node {
 #[derive(Default)]
 struct Subpaths {
     walkers: Vec<Walker>,
-    /// Of every path, where there is a time axis.
-    clocks: Vec<Clock>,
     nodes: Vec<Node>,
     /// Of every path its first and its last vertex, or [`NONE`].
     ends: Vec<[u32; 2]>,
@@ -88,7 +87,7 @@ pub(super) struct Tile {
     camera: Subpaths,
     light: Subpaths,
     starts: Starts,
-    emitted: Vec<f32>,
+    emitted: Emitted,
     /// Light from outside that camera subpaths met, weighted, and when it arrives.
     escaped: Vec<(Vec3, f64)>,
     lists: Lists,
@@ -99,8 +98,8 @@ pub(super) struct Tile {
 #[derive(Default)]
 struct Own {
     values: Vec<Vec3>,
-    /// What those are made up of, where there is a time axis, in the order of the samples and of their sums.
-    found: Vec<Found>,
+    /// What those are made up of, where there is a time axis.
+    parts: Parts,
 }
 
 impl Walker {
@@ -175,8 +174,9 @@ impl Node {
     }
 
     /// Sets [`Node::stamp`].
-    fn set_stamp(&mut self, clock: &Row) {
-        self.rows[2].0[1..4].copy_from_slice(&clock.0[..3]);
+    #[inline]
+    fn set_stamp(&mut self, [path, late, index]: [f32; 3]) {
+        self.rows[2].0[1..4].copy_from_slice(&[path, late, index]);
     }
 }
 
@@ -186,10 +186,11 @@ impl<const TIMED: bool> Work<'_, TIMED> {
         found.map_or(Vec3::ZERO, |c| c.unweighted * c.weight(self.context.settings) as f32)
     }
 
-    /// The clock of a camera subpath whose edge number `edge` is on its way.
-    fn flight(&self, walker: &Walker, clock: &Clock, edge: u32) -> Flight<'_, true> {
-        let free = !clock::counts(self.context, edge);
-        Flight::resumed(self.context, clock.stamp(), walker.edge().from, free)
+    /// The clock of a walker of camera subpath `path` whose edge number `edge` is on its way.
+    fn flight(&self, walker: &Walker, path: usize, edge: u32) -> Flight<'_, true> {
+        let [_, _, _, length, index, ..] = walker.rows[3].0;
+        let stamp = Stamp { path: length, late: self.emitted.of(path), delay: 0.0, index };
+        Flight::resumed(self.context, stamp, walker.edge().from, !clock::counts(self.context, edge))
     }
 
     /// Light from outside that edge number `edge` of camera subpath `path` has found, and when it arrives.
@@ -199,7 +200,7 @@ impl<const TIMED: bool> Work<'_, TIMED> {
             return (Vec3::ZERO, 0.0);
         }
         let walker = &camera.walkers[path];
-        let leaves = || self.flight(walker, &camera.clocks[path], edge).escaped(context, walker.ray().dir);
+        let leaves = || self.flight(walker, path, edge).escaped(context, walker.ray().dir);
         let length = if TIMED { leaves() } else { 0.0 };
         let left = Escape { edge: walker.edge(), throughput: walker.throughput(), length };
         (self.weighted(escape(context, self.h, &left, edge + 1)), length)
@@ -221,12 +222,12 @@ impl<const TIMED: bool> Work<'_, TIMED> {
         let [x, y, z, u, v, w, ..] = way.0;
         let edge = Edge::from_lens(self.context, Vec3::new(x, y, z), Vec3::new(u, v, w));
         let left = Row([1.0, x, y, z, 0.0, 0.0, 0.0, 1.0]);
-        let taken = Row([1.0, 1.0, record.rows[1].0[6], 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let taken = Row([1.0, 1.0, record.rows[1].0[6], 0.0, clock::medium(self.context), 0.0, 0.0, 0.0]);
         Walker { rows: [way, left, keys, taken], weights: [edge.pdf_w, edge.link.joint, edge.link.tail] }
     }
 }
 
-/// All samples that are named, of row `y`: what each brings to its own pixel, and what to others, `done` is told.
+/// All samples that are named, of row `y`: what each brings to its own pixel, and what to others.
 pub(super) fn tile<const TIMED: bool>(
     table: &Table,
     context: &Context,
@@ -234,19 +235,12 @@ pub(super) fn tile<const TIMED: bool>(
     y: u32,
     named: &[Named],
     tile: &mut Tile,
-    done: &mut impl FnMut(u32, u64, Brought, Vec3),
+    takes: &mut impl Takes,
 ) {
     let Tile { records, camera, light, starts, emitted, escaped, lists, own } = tile;
     records.clear();
     super::start::begin(table.width, job, context.camera, y, named, records);
-    emitted.clear();
-    camera.clocks.clear();
-    light.clocks.clear();
-    if TIMED {
-        emitted.extend(records.iter().map(|record| clock::emitted(context, record)));
-        camera.clocks.extend(emitted.iter().map(|emitted| Clock::of_camera(context, *emitted)));
-        light.clocks.resize(records.len(), Clock::new(&Stamp { index: 1.0, ..Stamp::default() }));
-    }
+    emitted.begin(context, records);
     let work = Work::<TIMED> { table, context, h: context.settings.heuristic(), emitted };
     camera.reset(records.len());
     camera.walkers.clear();
@@ -261,10 +255,9 @@ pub(super) fn tile<const TIMED: bool>(
     lists.reset(table.classes());
     own.values.clear();
     own.values.resize(records.len(), Vec3::ZERO);
-    own.found.clear();
+    own.parts.clear();
     let mut splat = |path: u32, pixel: [u32; 2], value: Vec3, length: f64| {
-        let (x, sample) = named[path as usize];
-        done(x, sample, Brought::Elsewhere(pixel, length), value);
+        takes.elsewhere(named[path as usize], pixel, value, length);
     };
     for (path, escaped) in escaped.iter().enumerate() {
         let mut taken = lists.own(&work, path, [&*light, &*camera], *escaped);
@@ -278,5 +271,5 @@ pub(super) fn tile<const TIMED: bool>(
     }
     starts.see(&work, light, &mut lists.waiting, &mut splat);
     lists.make(&work, [light, camera], own, &mut splat);
-    hand_over::<TIMED>(named, &own.values, &own.found, done);
+    hand_over(context, named, &own.values, &mut own.parts, takes);
 }

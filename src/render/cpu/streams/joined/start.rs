@@ -138,7 +138,7 @@ impl Starts {
         for Sight { path, taken } in others {
             if let Start::Single(start) = &self.of[path as usize] {
                 let mut sampler = Sampler::Independent(light.walkers[path as usize].numbers(taken));
-                let emitted = if TIMED { work.emitted[path as usize] } else { 0.0 };
+                let emitted = work.emitted.of(path as usize);
                 if let Some((found, at)) = seen(work.context, work.h, start, emitted, &mut sampler) {
                     splat(path, at.pixel, work.weighted(Some(found)), found.length);
                 }

@@ -4,13 +4,14 @@ use glam::Vec3;
 
 use super::start::Start;
 use super::{Node, Subpaths, Walker, Work};
-use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
+use crate::math::lanes::{AnyWidth, Lanes, each, filled, set};
 use crate::math::real::{Mask, Vector, Word};
-use crate::render::cpu::streams::clock::{self, Clock};
+use crate::render::cpu::streams::clock;
 use crate::render::cpu::streams::lamps::{plain_ends, with_singles};
 use crate::render::cpu::streams::shade::{Vertices, points};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::Mode;
+use crate::transport::flight::Stamp;
 use crate::transport::integrator::bdpt::weights::{Chain, Link, Side};
 use crate::transport::ray::offset_by_axis;
 use crate::transport::sampler::Independent;
@@ -53,9 +54,10 @@ pub(super) fn all<const LIGHT: bool, const TIMED: bool>(
                 None if found != Vec3::ZERO => {
                     let mut node = Node { found, ..Node::default() };
                     if let (true, Some((_, at))) = (TIMED, met) {
-                        let mut flight = work.flight(walker, &paths.clocks[path as usize], edge);
+                        let mut flight = work.flight(walker, path as usize, edge);
                         flight.travel(at);
-                        node.set_stamp(&Clock::new(&flight.stamp()).0);
+                        let Stamp { path, late, index, .. } = flight.stamp();
+                        node.set_stamp([path, late, index]);
                     }
                     paths.push(path as usize, node);
                 }
@@ -133,9 +135,17 @@ impl<const TIMED: bool> Step<'_, TIMED> {
         let before = [R::Vec3::new(left[1], left[2], left[3]), R::Vec3::new(left[4], left[5], left[6])];
 
         let point = points::<R, N>(context.scene, common.sphere, primitives, [origin, dir], [met[0], met[1], met[2]]);
-        let mut stamp = clock::stamps::<R, N, TIMED>(&paths.clocks, lanes);
-        if TIMED && (LIGHT || clock::counts(context, edge)) {
-            stamp.travel(before[0], point.position);
+        let mut stamp = match LIGHT && edge == 1 {
+            true => Stamp { path: zero, late: zero, delay: zero, index: R::of(1.0) },
+            false => Stamp { path: rest[3], late: zero, delay: zero, index: rest[4] },
+        };
+        if TIMED {
+            if !LIGHT {
+                stamp.late = work.emitted.of_lanes(lanes);
+            }
+            if LIGHT || clock::counts(context, edge) {
+                stamp.travel(before[0], point.position);
+            }
         }
         let here = [point.position, point.n_geometric];
         let wo = -dir;
@@ -166,7 +176,7 @@ impl<const TIMED: bool> Step<'_, TIMED> {
         let second = R::stored([ns.x(), ns.y(), ns.z(), wo.x(), wo.y(), wo.z(), t.x(), t.y()]);
         let (last, joint, tail) = (t.z().store(), R::store_doubles(chain.joint), R::store_doubles(chain.tail));
         let made = (active & some).bits();
-        let clocks = if TIMED { clock::clocks::<R, N>(&stamp) } else { [Row::default(); N] };
+        let [length, late, index] = [stamp.path.store(), stamp.late.store(), stamp.index.store()];
         for i in set(made) {
             let mut rows = [first[i], second[i], Default::default()];
             rows[0].0[7] = f32::from_bits(materials[i]);
@@ -175,7 +185,7 @@ impl<const TIMED: bool> Step<'_, TIMED> {
             let class = Some(self.class as u8);
             let mut node = Node { rows, chain: [joint[i], tail[i]], class, found, next: 0 };
             if TIMED {
-                node.set_stamp(&clocks[i]);
+                node.set_stamp([length[i], late[i], index[i]]);
             }
             paths.push(lanes[i], node);
         }
@@ -223,9 +233,9 @@ impl<const TIMED: bool> Step<'_, TIMED> {
         let (pdf_w, joint, tail) = (R::store_doubles(pdf_w), R::store_doubles(link.joint), R::store_doubles(link.tail));
         if TIMED {
             stamp.leave(eta);
-            let clocks = clock::clocks::<R, N>(&stamp);
+            let index = stamp.index.store();
             for i in set(on.bits()) {
-                paths.clocks[lanes[i]] = Clock(clocks[i]);
+                paths.walkers[lanes[i]].rows[3].0[3..5].copy_from_slice(&[length[i], index[i]]);
             }
         }
         for i in set(made) {
