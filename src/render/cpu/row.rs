@@ -92,8 +92,8 @@ impl<'a> RowSums<'a> {
         }
     }
 
-    /// Takes what a path brings to another pixel. Returns the place of that, `None` if it was refused; light of no value has
-    /// no place and is never refused.
+    /// Takes what a path brings to another pixel. Returns `None` if it was refused, which light of no value never is, and else
+    /// the pixel's index, if the picture has it.
     #[inline]
     pub fn splat(&mut self, pixel: [u32; 2], value: Vec3, length: f64) -> Option<Option<usize>> {
         let place = self.splats.place(pixel);

@@ -69,6 +69,32 @@ struct Best<R: Real> {
     found: R::Mask,
 }
 
+/// Corners of a scene for whose rays no memory is asked for: to ask for as much, in line with vectors, for every few hundred rays
+/// takes longer than to clear it.
+const AT_HAND: usize = 32;
+
+/// Room for what rays make of all corners.
+struct Room<R> {
+    at_hand: [[R; 3]; AT_HAND],
+    more: Vec<[R; 3]>,
+}
+
+impl<R: Real> Room<R> {
+    #[inline(always)]
+    fn new() -> Room<R> {
+        Room { at_hand: [[R::of(0.0); 3]; AT_HAND], more: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn for_corners(&mut self, corners: usize) -> &mut [[R; 3]] {
+        if corners > AT_HAND {
+            self.more.resize(corners, [R::of(0.0); 3]);
+            return &mut self.more;
+        }
+        &mut self.at_hand[..corners]
+    }
+}
+
 /// What masks need of the best hits so far.
 struct Before<const N: usize> {
     t: [f32; N],
@@ -125,7 +151,7 @@ impl Few {
     fn some<R: Lanes<N>, const N: usize, const ANY: bool>(
         &self,
         group: &[(Ray, f32)],
-        sheared: &mut Vec<[R; 3]>,
+        sheared: &mut [[R; 3]],
     ) -> Best<R> {
         let mut rows = [Row::default(); N];
         for (row, (Ray { origin: o, dir: d }, t_max)) in rows.iter_mut().zip(group) {
@@ -138,9 +164,8 @@ impl Few {
         let usable = R::Mask::first(group.len()) & (origin + dir).element_sum().is_finite();
         let mut best = Best { t: t_max, v: zero, w: zero, divisor: one, primitive: zero, found: R::Mask::of(false) };
         let rays = Sheared::new(origin, dir);
-        sheared.clear();
-        for corner in &self.corners {
-            sheared.push(rays.corner(R::Vec3::of(*corner)));
+        for (sheared, corner) in sheared.iter_mut().zip(&self.corners) {
+            *sheared = rays.corner(R::Vec3::of(*corner));
         }
         for (corners, id) in &self.solid.triangles {
             let [a, b, c] = corners;
@@ -231,9 +256,10 @@ impl AnyWidth for Closest<'_> {
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
-        let mut scratch = Vec::with_capacity(self.few.corners.len());
+        let mut room = Room::new();
+        let sheared = room.for_corners(self.few.corners.len());
         for group in self.rays.chunks(N) {
-            let best = self.few.some::<R, N, false>(group, &mut scratch);
+            let best = self.few.some::<R, N, false>(group, sheared);
             let (found, t, primitives) = (best.found.bits(), best.t.store(), best.primitive.store());
             let (v, w) = ((best.v / best.divisor).store(), (best.w / best.divisor).store());
             for i in 0..group.len() {
@@ -256,9 +282,10 @@ impl AnyWidth for Occluded<'_> {
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
-        let mut scratch = Vec::with_capacity(self.few.corners.len());
+        let mut room = Room::new();
+        let sheared = room.for_corners(self.few.corners.len());
         for group in self.rays.chunks(N) {
-            let found = self.few.some::<R, N, true>(group, &mut scratch).found.bits();
+            let found = self.few.some::<R, N, true>(group, sheared).found.bits();
             self.hidden.extend((0..group.len()).map(|i| found & 1 << i != 0));
         }
     }
