@@ -135,8 +135,7 @@ impl<'a, const TIMED: bool> Flight<'a, TIMED> {
     #[inline]
     pub fn of_camera(context: &Context<'a>, ray: &Ray, emitted: f32) -> Flight<'a, TIMED> {
         let timing = context.timing;
-        let index = timing.map_or(1.0, |t| t.medium);
-        let stamp = Stamp { index, late: emitted, ..Stamp::default() };
+        let stamp = Stamp { index: context.medium(), late: emitted, ..Stamp::default() };
         Flight { timing, stamp, from: ray.origin, free: timing.is_some_and(|t| !t.camera) }
     }
 

@@ -106,16 +106,6 @@ fn share_of(value: Vec3, share: f64) -> Vec3 {
     if share == 1.0 { value } else { value * share as f32 }
 }
 
-/// Who takes what samples that go together bring.
-pub trait Takes {
-    /// Takes what the sample brings to the pixel with this column and row, and the optical length of the path.
-    fn elsewhere(&mut self, sample: Named, pixel: [u32; 2], value: Vec3, length: f64);
-
-    /// Takes all that samples bring to their own pixels, and, where there is a time axis, what that is made of. All they
-    /// bring to others comes before.
-    fn own(&mut self, named: &[Named], values: &[Vec3], parts: Option<&Parts>);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

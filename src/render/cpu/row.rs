@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
-use super::brought::{Named, Parts, Takes};
+use super::brought::{Named, Parts};
 use super::times::{Gathering, Landing};
 use crate::film::splat::{SplatBuffer, SplatSums};
 
@@ -149,14 +149,19 @@ impl<'a> RowSums<'a> {
     }
 }
 
-impl Takes for RowSums<'_> {
+/// Samples that go together.
+#[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "paths go alone"))]
+impl RowSums<'_> {
+    /// Takes what a sample brings to the pixel with this column and row, and the optical length of the path.
     #[inline]
-    fn elsewhere(&mut self, (x, sample): Named, pixel: [u32; 2], value: Vec3, length: f64) {
+    pub fn elsewhere(&mut self, (x, sample): Named, pixel: [u32; 2], value: Vec3, length: f64) {
         let invalid = self.splat(pixel, value, length).is_none();
         self.refused(x, sample, u64::from(invalid));
     }
 
-    fn own(&mut self, named: &[Named], values: &[Vec3], parts: Option<&Parts>) {
+    /// Takes all that samples bring to their own pixels, and, where there is a time axis, what that is made of. All they
+    /// bring to others comes before.
+    pub fn own(&mut self, named: &[Named], values: &[Vec3], parts: Option<&Parts>) {
         for (i, some) in named.chunks(AHEAD).enumerate() {
             let all = (i * AHEAD..).zip(some);
             if let (Some(by_time), Some(parts)) = (&self.by_time, parts) {

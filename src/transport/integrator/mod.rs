@@ -45,6 +45,12 @@ impl Context<'_> {
     pub fn timed(&self) -> bool {
         self.timing.is_some() || !self.scene.delays.is_empty()
     }
+
+    /// The index of the medium around the camera.
+    #[inline]
+    pub fn medium(&self) -> f32 {
+        self.timing.map_or(1.0, |timing| timing.medium)
+    }
 }
 
 /// Hands every contribution of one sample of one pixel to the sink.

@@ -38,11 +38,6 @@ impl Emitted {
     }
 }
 
-/// The index of the medium around the camera.
-pub(super) fn medium(context: &Context) -> f32 {
-    context.timing.map_or(1.0, |timing| timing.medium)
-}
-
 /// Whether edge number `edge` of a path from the camera counts.
 #[inline]
 pub(super) fn counts(context: &Context, edge: u32) -> bool {

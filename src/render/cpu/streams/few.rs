@@ -168,9 +168,7 @@ impl Few {
             *sheared = rays.corner(R::Vec3::of(*corner));
         }
         for (corners, id) in &self.solid.triangles {
-            let [a, b, c] = corners;
-            let corners = [&sheared[usize::from(*a)], &sheared[usize::from(*b)], &sheared[usize::from(*c)]];
-            if let Some(at) = rays.triangle::<N>(corners, usable) {
+            if let Some(at) = rays.triangle::<N>(of(sheared, *corners), usable) {
                 best.offer(at, *id);
             }
             if ANY && !(usable & !best.found).any() {
@@ -178,24 +176,20 @@ impl Few {
             }
         }
         for (center, radius, id) in &self.solid.spheres {
-            let t = sphere::<R>([origin, dir], R::Vec3::of(*center), *radius);
-            best.offer(Met { lanes: usable & t.gt(zero), t, v: zero, w: zero, divisor: one }, *id);
+            best.offer(sphere([origin, dir], R::Vec3::of(*center), *radius, usable), *id);
         }
         for (corners, id) in &self.masked.triangles {
             let left = if ANY { usable & !best.found } else { usable };
             if ANY && !left.any() {
                 return best;
             }
-            let [a, b, c] = corners;
-            let corners = [&sheared[usize::from(*a)], &sheared[usize::from(*b)], &sheared[usize::from(*c)]];
-            if let Some(at) = rays.triangle::<N>(corners, left) {
+            if let Some(at) = rays.triangle::<N>(of(sheared, *corners), left) {
                 self.offer_masked::<R, N>(group, at, *id, &mut best);
             }
         }
         for (center, radius, id) in &self.masked.spheres {
             let left = if ANY { usable & !best.found } else { usable };
-            let t = sphere::<R>([origin, dir], R::Vec3::of(*center), *radius);
-            let at = Met { lanes: left & t.gt(zero), t, v: zero, w: zero, divisor: one };
+            let at = sphere([origin, dir], R::Vec3::of(*center), *radius, left);
             self.offer_masked::<R, N>(group, at, *id, &mut best);
         }
         best
@@ -391,9 +385,15 @@ fn exact<const N: usize>(edges: &mut [[f32; N]; 3], [a, b, c]: &[[[f32; N]; 2]; 
     }
 }
 
-/// Distances to a sphere; not above zero where it is not hit.
+/// What was made of these corners.
 #[inline(always)]
-fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32) -> R {
+fn of<R>(sheared: &[[R; 3]], [a, b, c]: [u8; 3]) -> [&[R; 3]; 3] {
+    [&sheared[usize::from(a)], &sheared[usize::from(b)], &sheared[usize::from(c)]]
+}
+
+/// Where rays of these lanes hit a sphere.
+#[inline(always)]
+fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32, lanes: R::Mask) -> Met<R> {
     let zero = R::of(0.0);
     let f = origin - center;
     let b = -f.dot(dir);
@@ -406,7 +406,8 @@ fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32) ->
     let first = t0.lt(t1);
     let (near, far) = (R::select(first, t0, t1), R::select(first, t1, t0));
     let missed = discriminant.lt(zero) | Real::eq(q, zero);
-    R::select(missed, zero, R::select(near.gt(zero), near, far))
+    let t = R::select(missed, zero, R::select(near.gt(zero), near, far));
+    Met { lanes: lanes & t.gt(zero), t, v: zero, w: zero, divisor: R::of(1.0) }
 }
 
 #[cfg(test)]

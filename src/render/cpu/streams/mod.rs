@@ -33,8 +33,9 @@ use self::clock::Emitted;
 pub use self::few::Few;
 use self::table::Table;
 use super::accel::Accel;
-use super::brought::{Named, Parts, Takes};
+use super::brought::{Named, Parts};
 use super::lanes::Isa;
+use super::row::RowSums;
 use super::together::{Kind, alone};
 use crate::math::lanes::{Row, Width};
 use crate::render::Job;
@@ -192,29 +193,22 @@ impl Streams {
 
     /// Some samples of all pixels of row `y`. What they bring is handed over with their column and index: first all that is
     /// for other pixels, and then what is for their own, in the order of the loops.
-    pub fn row(&self, context: &Context, job: &Job, y: u32, samples: Range<u64>, takes: &mut impl Takes) {
+    pub fn row(&self, context: &Context, job: &Job, y: u32, samples: Range<u64>, row: &mut RowSums) {
         match context.timing {
-            None => self.row_of::<false>(context, job, y, samples, takes),
-            Some(_) => self.row_of::<true>(context, job, y, samples, takes),
+            None => self.row_of::<false>(context, job, y, samples, row),
+            Some(_) => self.row_of::<true>(context, job, y, samples, row),
         }
     }
 
-    fn row_of<const TIMED: bool>(
-        &self,
-        context: &Context,
-        job: &Job,
-        y: u32,
-        samples: Range<u64>,
-        takes: &mut impl Takes,
-    ) {
+    fn row_of<const TIMED: bool>(&self, context: &Context, job: &Job, y: u32, samples: Range<u64>, row: &mut RowSums) {
         let (mut tile, mut pairs) = (Tile::default(), joined::Tile::default());
         let step = step_of::<TIMED>(self.kind);
         let size = if step.is_some() { TILE } else { joined::TILE };
         let mut named: Vec<Named> = Vec::with_capacity(size);
         let mut render = |named: &mut Vec<Named>| {
             match step {
-                Some(step) => self.tile::<TIMED>(step, context, job, y, named, &mut tile, takes),
-                None => joined::tile::<TIMED>(&self.table, context, job, y, named, &mut pairs, takes),
+                Some(step) => self.tile::<TIMED>(step, context, job, y, named, &mut tile, row),
+                None => joined::tile::<TIMED>(&self.table, context, job, y, named, &mut pairs, row),
             }
             named.clear();
         };
@@ -238,7 +232,7 @@ impl Streams {
         y: u32,
         named: &[Named],
         tile: &mut Tile,
-        takes: &mut impl Takes,
+        row: &mut RowSums,
     ) {
         tile.records.clear();
         start::begin(self.table.width, job, context.camera, y, named, &mut tile.records);
@@ -247,11 +241,11 @@ impl Streams {
         if TIMED {
             tile.emitted.begin(context, &tile.records);
             tile.index.clear();
-            tile.index.resize(tile.records.len(), clock::medium(context));
+            tile.index.resize(tile.records.len(), context.medium());
             tile.parts.clear();
         }
         self.paths::<TIMED>(step, context, named, y, tile);
-        hand_over(context, named, &tile.values, &mut tile.parts, takes);
+        hand_over(context, named, &tile.values, &mut tile.parts, row);
     }
 
     fn paths<const TIMED: bool>(
@@ -354,12 +348,12 @@ fn by_itself<const TIMED: bool>(
 }
 
 /// Hands over what samples bring to their own pixels: the values, and, where there is a time axis, what makes them up.
-fn hand_over(context: &Context, named: &[Named], values: &[Vec3], parts: &mut Parts, takes: &mut impl Takes) {
+fn hand_over(context: &Context, named: &[Named], values: &[Vec3], parts: &mut Parts, row: &mut RowSums) {
     let parts = context.timing.map(|timing| {
         parts.sort(timing, named.len());
         &*parts
     });
-    takes.own(named, values, parts);
+    row.own(named, values, parts);
 }
 
 /// Whether a step would end the path without any light: known without making it.

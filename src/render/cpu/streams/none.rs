@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::accel::Accel;
-use super::brought::Takes;
+use super::row::RowSums;
 use crate::render::Job;
 use crate::scene::CompiledScene;
 use crate::transport::integrator::Context;
@@ -39,7 +39,7 @@ impl Streams {
     }
 
     /// Never called.
-    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: &mut impl Takes) {
+    pub fn row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: &mut RowSums) {
         match *self {}
     }
 }

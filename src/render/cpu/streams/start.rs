@@ -4,11 +4,12 @@ use super::{Record, SPECULAR};
 use crate::math::lanes::{AnyWidth, Lanes, Row, Width};
 use crate::math::real::{Vector, Word};
 use crate::render::Job;
+use crate::render::cpu::brought::Named;
 use crate::transport::camera::Camera;
 use crate::transport::sampler::Independent;
 
 /// Appends a record of each sample, named by its column and index, of row `y`: what its sampler and the camera make of it.
-pub(super) fn begin(width: Width, job: &Job, camera: &Camera, y: u32, named: &[(u32, u64)], records: &mut Vec<Record>) {
+pub(super) fn begin(width: Width, job: &Job, camera: &Camera, y: u32, named: &[Named], records: &mut Vec<Record>) {
     width.run(Begin { job, camera, y, named, records });
 }
 
@@ -16,7 +17,7 @@ struct Begin<'a> {
     job: &'a Job,
     camera: &'a Camera,
     y: u32,
-    named: &'a [(u32, u64)],
+    named: &'a [Named],
     records: &'a mut Vec<Record>,
 }
 

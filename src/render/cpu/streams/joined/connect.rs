@@ -582,7 +582,7 @@ fn lens_shots<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let nowhere = R::Vec3::of(Vec3::ZERO);
     let rays = shadow_rays::<R, N>([position, n_geometric], [at.lens, nowhere], at.dir, R::Mask::of(false));
     if TIMED {
-        let medium = R::of(work.context.timing.map_or(1.0, |t| t.medium));
+        let medium = R::of(work.context.medium());
         let before = stamps::<R, N>(nodes).of_light(y.vertices.index_ratio(-at.dir), medium);
         let lengths = R::store_doubles(work.lens_lengths::<R, N>(each(shots, |s| s.path), at.distance) + before);
         waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));

@@ -18,7 +18,8 @@ use super::table::Table;
 use super::{Record, hand_over, numbers_in, put_hit, ray_in};
 use crate::math::lanes::Row;
 use crate::render::Job;
-use crate::render::cpu::brought::{Named, Parts, Takes};
+use crate::render::cpu::brought::{Named, Parts};
+use crate::render::cpu::row::RowSums;
 use crate::scene::compile::NONE;
 use crate::transport::flight::{Flight, Stamp};
 use crate::transport::integrator::Context;
@@ -222,7 +223,7 @@ impl<const TIMED: bool> Work<'_, TIMED> {
         let [x, y, z, u, v, w, ..] = way.0;
         let edge = Edge::from_lens(self.context, Vec3::new(x, y, z), Vec3::new(u, v, w));
         let left = Row([1.0, x, y, z, 0.0, 0.0, 0.0, 1.0]);
-        let taken = Row([1.0, 1.0, record.rows[1].0[6], 0.0, clock::medium(self.context), 0.0, 0.0, 0.0]);
+        let taken = Row([1.0, 1.0, record.rows[1].0[6], 0.0, self.context.medium(), 0.0, 0.0, 0.0]);
         Walker { rows: [way, left, keys, taken], weights: [edge.pdf_w, edge.link.joint, edge.link.tail] }
     }
 }
@@ -235,7 +236,7 @@ pub(super) fn tile<const TIMED: bool>(
     y: u32,
     named: &[Named],
     tile: &mut Tile,
-    takes: &mut impl Takes,
+    row: &mut RowSums,
 ) {
     let Tile { records, camera, light, starts, emitted, escaped, lists, own } = tile;
     records.clear();
@@ -257,7 +258,7 @@ pub(super) fn tile<const TIMED: bool>(
     own.values.resize(records.len(), Vec3::ZERO);
     own.parts.clear();
     let mut splat = |path: u32, pixel: [u32; 2], value: Vec3, length: f64| {
-        takes.elsewhere(named[path as usize], pixel, value, length);
+        row.elsewhere(named[path as usize], pixel, value, length);
     };
     for (path, escaped) in escaped.iter().enumerate() {
         let mut taken = lists.own(&work, path, [&*light, &*camera], *escaped);
@@ -271,5 +272,5 @@ pub(super) fn tile<const TIMED: bool>(
     }
     starts.see(&work, light, &mut lists.waiting, &mut splat);
     lists.make(&work, [light, camera], own, &mut splat);
-    hand_over(context, named, &own.values, &mut own.parts, takes);
+    hand_over(context, named, &own.values, &mut own.parts, row);
 }
