@@ -49,10 +49,10 @@ struct Sheared<R: Real> {
     shear: [R; 3],
 }
 
-/// Where a primitive is hit, and in which lanes. The place on it is still to be divided: seldom is a hit the last one.
+/// Where a primitive is hit: at an infinite distance where it is not. The place on it is still to be divided: seldom is a hit
+/// the last one.
 #[derive(Clone, Copy)]
 struct Met<R: Real> {
-    lanes: R::Mask,
     t: R,
     v: R,
     w: R,
@@ -61,12 +61,14 @@ struct Met<R: Real> {
 
 /// The best hits so far.
 struct Best<R: Real> {
+    /// How far rays go; nowhere below zero.
+    limit: R,
+    /// As far as that where nothing was hit.
     t: R,
     v: R,
     w: R,
     divisor: R,
     primitive: R,
-    found: R::Mask,
 }
 
 /// Corners of a scene for whose rays no memory is asked for: to ask for as much, in line with vectors, for every few hundred rays
@@ -159,58 +161,55 @@ impl Few {
         }
         let [x, y, z, u, v, w, t_max, _] = R::transposed(rows.each_ref());
         let (origin, dir) = (R::Vec3::new(x, y, z), R::Vec3::new(u, v, w));
-        let (zero, one) = (R::of(0.0), R::of(1.0));
         // A ray with a number that is not finite hits nothing.
-        let usable = R::Mask::first(group.len()) & (origin + dir).element_sum().is_finite();
-        let mut best = Best { t: t_max, v: zero, w: zero, divisor: one, primitive: zero, found: R::Mask::of(false) };
+        let usable = (origin + dir).element_sum().is_finite() & t_max.gt(R::of(0.0));
+        let mut best = Best::new(R::select(R::Mask::first(group.len()) & usable, t_max, R::of(-1.0)));
         let rays = Sheared::new(origin, dir);
         for (sheared, corner) in sheared.iter_mut().zip(&self.corners) {
             *sheared = rays.corner(R::Vec3::of(*corner));
         }
         for (corners, id) in &self.solid.triangles {
-            if let Some(at) = rays.triangle::<N>(of(sheared, *corners), usable) {
-                best.offer(at, *id);
-            }
-            if ANY && !(usable & !best.found).any() {
+            best.offer(rays.triangle::<N>(of(sheared, *corners)), *id);
+            if ANY && !best.nothing_yet().any() {
                 return best;
             }
         }
         for (center, radius, id) in &self.solid.spheres {
-            best.offer(sphere([origin, dir], R::Vec3::of(*center), *radius, usable), *id);
+            best.offer(sphere([origin, dir], R::Vec3::of(*center), *radius), *id);
         }
         for (corners, id) in &self.masked.triangles {
-            let left = if ANY { usable & !best.found } else { usable };
-            if ANY && !left.any() {
+            self.offer_masked::<R, N, ANY>(group, rays.triangle::<N>(of(sheared, *corners)), *id, &mut best);
+            if ANY && !best.nothing_yet().any() {
                 return best;
-            }
-            if let Some(at) = rays.triangle::<N>(of(sheared, *corners), left) {
-                self.offer_masked::<R, N>(group, at, *id, &mut best);
             }
         }
         for (center, radius, id) in &self.masked.spheres {
-            let left = if ANY { usable & !best.found } else { usable };
-            let at = sphere([origin, dir], R::Vec3::of(*center), *radius, left);
-            self.offer_masked::<R, N>(group, at, *id, &mut best);
+            let at = sphere([origin, dir], R::Vec3::of(*center), *radius);
+            self.offer_masked::<R, N, ANY>(group, at, *id, &mut best);
         }
         best
     }
 
-    /// Takes hits of a primitive with a mask that count and are better than the best ones so far.
+    /// Takes hits of a primitive with a mask that count and are better than the best ones so far; with `ANY` only where there
+    /// is none.
     #[inline(always)]
-    fn offer_masked<R: Lanes<N>, const N: usize>(
+    fn offer_masked<R: Lanes<N>, const N: usize, const ANY: bool>(
         &self,
         group: &[(Ray, f32)],
         at: Met<R>,
         primitive: u32,
         best: &mut Best<R>,
     ) {
-        let near = at.lanes & at.t.le(best.t);
+        let mut near = at.t.le(best.t) & at.t.lt(best.limit);
+        if ANY {
+            near = near & best.nothing_yet();
+        }
         if near.any() {
             let hits = [at.t.store(), (at.v / at.divisor).store(), (at.w / at.divisor).store()];
-            let found = best.found.bits();
+            let found = best.found().bits();
             let before = Before { t: best.t.store(), primitive: best.primitive.store(), found };
-            let counts = R::load(&self.counting(group, primitive, &hits, near.bits(), &before));
-            best.put(counts.gt(R::of(0.0)), at, primitive);
+            let counts = R::load(&self.counting(group, primitive, &hits, near.bits(), &before)).gt(R::of(0.0));
+            best.put(counts, Met { t: R::select(counts, at.t, best.t), ..at }, primitive);
         }
     }
 
@@ -254,12 +253,13 @@ impl AnyWidth for Closest<'_> {
         let sheared = room.for_corners(self.few.corners.len());
         for group in self.rays.chunks(N) {
             let best = self.few.some::<R, N, false>(group, sheared);
-            let (found, t, primitives) = (best.found.bits(), best.t.store(), best.primitive.store());
+            let (found, t, primitives) = (best.found().bits(), best.t.store(), best.primitive.store());
             let (v, w) = ((best.v / best.divisor).store(), (best.w / best.divisor).store());
-            for i in 0..group.len() {
-                let (t, uv, primitive) = (t[i], [v[i], w[i]], primitives[i].to_bits());
-                self.hits.push((found & 1 << i != 0).then_some(Hit { t, primitive, instance: NONE, uv }));
+            let mut hits = [None; N];
+            for i in set(found) {
+                hits[i] = Some(Hit { t: t[i], primitive: primitives[i].to_bits(), instance: NONE, uv: [v[i], w[i]] });
             }
+            self.hits.extend_from_slice(&hits[..group.len()]);
         }
     }
 }
@@ -279,28 +279,47 @@ impl AnyWidth for Occluded<'_> {
         let mut room = Room::new();
         let sheared = room.for_corners(self.few.corners.len());
         for group in self.rays.chunks(N) {
-            let found = self.few.some::<R, N, true>(group, sheared).found.bits();
+            let found = self.few.some::<R, N, true>(group, sheared).found().bits();
             self.hidden.extend((0..group.len()).map(|i| found & 1 << i != 0));
         }
     }
 }
 
 impl<R: Real> Best<R> {
+    /// Nothing yet, for rays that go so far.
+    #[inline(always)]
+    fn new(limit: R) -> Best<R> {
+        let (zero, one) = (R::of(0.0), R::of(1.0));
+        Best { limit, t: limit, v: zero, w: zero, divisor: one, primitive: zero }
+    }
+
+    /// Where anything was hit.
+    #[inline(always)]
+    fn found(&self) -> R::Mask {
+        self.t.lt(self.limit)
+    }
+
+    /// Where something could be hit and was not.
+    #[inline(always)]
+    fn nothing_yet(&self) -> R::Mask {
+        self.t.ge(self.limit) & self.limit.gt(R::of(0.0))
+    }
+
     /// Takes hits that are nearer.
     #[inline(always)]
     fn offer(&mut self, at: Met<R>, primitive: u32) {
-        self.put(at.lanes & at.t.lt(self.t), at, primitive);
+        self.put(at.t.lt(self.t), at, primitive);
     }
 
-    /// Takes hits in some lanes.
+    /// Takes hits in some lanes; in all others they are no nearer.
     #[inline(always)]
     fn put(&mut self, lanes: R::Mask, at: Met<R>, primitive: u32) {
-        self.t = R::select(lanes, at.t, self.t);
+        // Not chosen by the mask: the next primitive need not wait for that.
+        self.t = at.t.min(self.t);
         self.v = R::select(lanes, at.v, self.v);
         self.w = R::select(lanes, at.w, self.w);
         self.divisor = R::select(lanes, at.divisor, self.divisor);
         self.primitive = R::select(lanes, R::of(f32::from_bits(primitive)), self.primitive);
-        self.found = self.found | lanes;
     }
 }
 
@@ -318,16 +337,17 @@ impl<R: Real> Sheared<R> {
         Sheared { origin, along, swapped, shear: [kx * inverse, ky * inverse, inverse] }
     }
 
-    /// A corner relative to the rays' origins, sheared across them; along them not yet.
+    /// A corner relative to the rays' origins, sheared across them and along them.
     #[inline(always)]
     fn corner(&self, corner: R::Vec3) -> [R; 3] {
         let [x, y, z] = turned::<R>(corner - self.origin, self.along, self.swapped);
-        [x - z * self.shear[0], y - z * self.shear[1], z]
+        [x - z * self.shear[0], y - z * self.shear[1], z * self.shear[2]]
     }
 
-    /// Where rays of these lanes hit a triangle, if any does.
+    /// Where rays hit a triangle. Nothing is left out where no ray does: some rays mostly do, and to guess that
+    /// wrongly takes longer than the rest of the test.
     #[inline(always)]
-    fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3], lanes: R::Mask) -> Option<Met<R>>
+    fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3]) -> Met<R>
     where
         R: Lanes<N>,
     {
@@ -342,16 +362,10 @@ impl<R: Real> Sheared<R> {
             exact(&mut edges, &sheared, doubtful.bits());
             (u, v, w) = (R::load(&edges[0]), R::load(&edges[1]), R::load(&edges[2]));
         }
-        let below = u.lt(zero) | v.lt(zero) | w.lt(zero);
-        let above = u.gt(zero) | v.gt(zero) | w.gt(zero);
-        let inside = lanes & !(below & above);
-        if !inside.any() {
-            return None;
-        }
+        let outside = u.min(v).min(w).lt(zero) & u.max(v).max(w).gt(zero);
         let det = u + v + w;
-        let shear = self.shear[2];
-        let t = (u * (a[2] * shear) + v * (b[2] * shear) + w * (c[2] * shear)) / det;
-        Some(Met { lanes: inside & t.gt(zero), t, v, w, divisor: det })
+        let t = (u * a[2] + v * b[2] + w * c[2]) / det;
+        Met { t: R::select(!outside & t.gt(zero), t, R::of(f32::INFINITY)), v, w, divisor: det }
     }
 }
 
@@ -391,9 +405,9 @@ fn of<R>(sheared: &[[R; 3]], [a, b, c]: [u8; 3]) -> [&[R; 3]; 3] {
     [&sheared[usize::from(a)], &sheared[usize::from(b)], &sheared[usize::from(c)]]
 }
 
-/// Where rays of these lanes hit a sphere.
+/// Where rays hit a sphere.
 #[inline(always)]
-fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32, lanes: R::Mask) -> Met<R> {
+fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32) -> Met<R> {
     let zero = R::of(0.0);
     let f = origin - center;
     let b = -f.dot(dir);
@@ -407,7 +421,7 @@ fn sphere<R: Real>([origin, dir]: [R::Vec3; 2], center: R::Vec3, radius: f32, la
     let (near, far) = (R::select(first, t0, t1), R::select(first, t1, t0));
     let missed = discriminant.lt(zero) | Real::eq(q, zero);
     let t = R::select(missed, zero, R::select(near.gt(zero), near, far));
-    Met { lanes: lanes & t.gt(zero), t, v: zero, w: zero, divisor: R::of(1.0) }
+    Met { t: R::select(t.gt(zero), t, R::of(f32::INFINITY)), v: zero, w: zero, divisor: R::of(1.0) }
 }
 
 #[cfg(test)]
