@@ -37,15 +37,27 @@ impl Slot {
         }
     }
 
-    /// Adds the square of all that a sample has brought. Returns whether there was room for it.
+    /// Adds the square of what a sample has brought. Returns whether there was room for it.
     #[inline]
     pub(super) fn add_square(&mut self, value: [f32; 3]) -> bool {
-        let mut most = 0.0f32;
-        for (square, v) in self.square.iter_mut().zip(value) {
-            *square += v * v;
-            most = most.max(*square);
+        self.grow(value.map(|v| v * v))
+    }
+
+    /// Makes the square of what a sample has brought before that of all it has brought now. Returns whether there was room.
+    #[inline]
+    pub(super) fn add_to_square(&mut self, before: [f32; 3], value: [f32; 3]) -> bool {
+        self.grow([0, 1, 2].map(|c| {
+            let square = (before[c] + value[c]) * (before[c] + value[c]);
+            if square < f32::INFINITY { square - before[c] * before[c] } else { f32::INFINITY }
+        }))
+    }
+
+    #[inline]
+    fn grow(&mut self, by: [f32; 3]) -> bool {
+        for (square, by) in self.square.iter_mut().zip(by) {
+            *square += by;
         }
-        most < f32::INFINITY
+        self.square[0].max(self.square[1]).max(self.square[2]) < f32::INFINITY
     }
 }
 

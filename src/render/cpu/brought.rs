@@ -10,21 +10,22 @@ pub type Named = (u32, u64);
 
 /// What a sample brings to a slot of a film with a time axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C, align(16))]
 pub struct Part {
     /// The light.
     pub value: [f32; 3],
     /// The slot.
     pub slot: u32,
+    /// Which of the samples that go together; 0 of one that goes alone.
+    pub path: u32,
 }
 
 impl Part {
-    /// Hands over what becomes of light that has come an optical length, slot by slot.
+    /// Hands over what becomes of light of a sample alone that has come an optical length, slot by slot.
     #[inline]
     pub fn each(timing: &Timing, value: Vec3, length: f64, mut give: impl FnMut(Part)) {
         let Timing { axis, filter, .. } = timing;
         filter.spread(axis, axis.place(length), |slot, share| {
-            give(Part { value: share_of(value, share).to_array(), slot: slot as u32 });
+            give(Part { value: share_of(value, share).to_array(), slot: slot as u32, path: 0 });
         });
     }
 }
@@ -78,7 +79,8 @@ impl Parts {
         self.sorted.resize(self.found.len(), Part::default());
         for found in &self.found {
             let end = &mut self.ends[found.path as usize];
-            self.sorted[*end as usize] = Part { value: found.value.to_array(), slot: axis.slot(found.place) as u32 };
+            let slot = axis.slot(found.place) as u32;
+            self.sorted[*end as usize] = Part { value: found.value.to_array(), slot, path: found.path };
             *end += 1;
         }
     }
@@ -92,11 +94,14 @@ impl Parts {
         }
     }
 
-    /// Those of a path, once they are sorted.
-    #[inline]
-    pub fn of(&self, path: usize) -> &[Part] {
-        let begin = path.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.sorted[begin as usize..self.ends[path] as usize]
+    /// All of them, once they are sorted.
+    pub fn sorted(&self) -> &[Part] {
+        &self.sorted
+    }
+
+    /// Forgets those of a path.
+    pub fn refuse(&mut self, path: u32) {
+        self.sorted.retain(|part| part.path != path);
     }
 }
 
@@ -121,9 +126,10 @@ mod tests {
                 parts.push(&AXIS, path, Vec3::splat(value), length);
             }
             parts.sort(&Timing::plain(AXIS), 5);
-            let of = |path| parts.of(path).iter().map(|p| (p.value[1], p.slot)).collect::<Vec<_>>();
-            assert_eq!([of(0), of(1), of(3), of(4)], [vec![(2.0, 0)], vec![], vec![(5.0, 5)], vec![]], "{again}");
-            assert_eq!(of(2), [(1.0, 1), (3.0, 4), (4.0, 1)]);
+            let all = |parts: &Parts| parts.sorted().iter().map(|p| (p.path, p.value[1], p.slot)).collect::<Vec<_>>();
+            assert_eq!(all(&parts), [(0, 2.0, 0), (2, 1.0, 1), (2, 3.0, 4), (2, 4.0, 1), (3, 5.0, 5)], "{again}");
+            parts.refuse(2);
+            assert_eq!(all(&parts), [(0, 2.0, 0), (3, 5.0, 5)]);
         }
     }
 
@@ -134,10 +140,10 @@ mod tests {
         let mut one = Vec::new();
         for length in [0.3, 1.0, 1.9, 2.99, 4.0] {
             parts.push(&AXIS, 1, Vec3::new(0.1, 7.0, 1e-3), length);
-            Part::each(&timing, Vec3::new(0.1, 7.0, 1e-3), length, |part| one.push(part));
+            Part::each(&timing, Vec3::new(0.1, 7.0, 1e-3), length, |part| one.push(Part { path: 1, ..part }));
         }
         parts.sort(&timing, 2);
-        assert_eq!(parts.of(1), one);
+        assert_eq!(parts.sorted(), one);
         assert!(one.len() > 10 && one.iter().any(|p| p.slot == 0) && one.iter().any(|p| p.slot == 5));
     }
 }

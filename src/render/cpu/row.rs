@@ -8,8 +8,8 @@ use super::brought::{Named, Parts};
 use super::times::{Gathering, Landing};
 use crate::film::splat::{SplatBuffer, SplatSums};
 
-/// Samples whose slots are fetched before the first of them is added: films are larger than caches.
-const AHEAD: usize = 16;
+/// Slots that are fetched before the first of them is added to: films are larger than caches.
+const AHEAD: usize = 48;
 
 /// What the rows of a wave report, merged without order.
 #[derive(Clone, Copy, Default)]
@@ -161,20 +161,24 @@ impl RowSums<'_> {
 
     /// Takes all that samples bring to their own pixels, and, where there is a time axis, what that is made of. All they
     /// bring to others comes before.
-    pub fn own(&mut self, named: &[Named], values: &[Vec3], parts: Option<&Parts>) {
-        for (i, some) in named.chunks(AHEAD).enumerate() {
-            let all = (i * AHEAD..).zip(some);
-            if let (Some(by_time), Some(parts)) = (&self.by_time, parts) {
-                all.clone().for_each(|(path, (x, _))| by_time.fetch(*x, parts.of(path)));
+    pub fn own(&mut self, named: &[Named], values: &[Vec3], parts: Option<&mut Parts>) {
+        let mut refused: Vec<u32> = Vec::new();
+        for (path, ((x, _), value)) in named.iter().zip(values).enumerate() {
+            if !self.add(*x, *value) {
+                refused.push(path as u32);
             }
-            for (path, (x, sample)) in all {
-                let finite = self.add(*x, values[path]);
-                let mut invalid = u64::from(!finite);
-                if let (true, Some(by_time), Some(parts)) = (finite, &mut self.by_time, parts) {
-                    invalid += u64::from(!by_time.add(*x, parts.of(path)));
+        }
+        if let (Some(by_time), Some(parts)) = (&mut self.by_time, parts) {
+            refused.iter().for_each(|path| parts.refuse(*path));
+            let column = |path: u32| named[path as usize].0;
+            by_time.add::<AHEAD>(named.len() as u32, column, parts.sorted(), |path| {
+                if refused.last() != Some(&path) {
+                    refused.push(path);
                 }
-                self.refused(*x, *sample, invalid);
-            }
+            });
+        }
+        for (x, sample) in refused.into_iter().map(|path| named[path as usize]) {
+            self.refused(x, sample, 1);
         }
     }
 }

@@ -198,20 +198,15 @@ pub(super) struct Gathering<'a> {
     parts: Vec<Part>,
     /// Of every slot the number of the last sample that brought anything there.
     last: Vec<u32>,
-    sample: u32,
-    /// What a sample brings that comes to a slot twice: every slot once.
-    joined: Vec<Part>,
-    /// Of every slot where among those it is, if it is there: what else stands here says nothing.
-    places: Vec<u32>,
+    /// Samples so far.
+    samples: u32,
 }
 
 impl<'a> Gathering<'a> {
     /// For one row.
     pub(super) fn new(landing: Landing<'a>, row: TimeRow<'a>) -> Gathering<'a> {
         let timing = landing.timing;
-        let slots = timing.axis.slots();
-        let (last, places) = (vec![0; slots], vec![0; slots]);
-        Gathering { timing, row, parts: Vec::new(), last, sample: 0, joined: Vec::new(), places }
+        Gathering { timing, row, parts: Vec::new(), last: vec![0; timing.axis.slots()], samples: 0 }
     }
 
     /// Takes light for the sample's own pixel, which is in column `x`, and the optical length of its path.
@@ -228,64 +223,62 @@ impl<'a> Gathering<'a> {
     #[inline]
     pub(super) fn close(&mut self, x: u32, counts: bool) -> bool {
         let mut parts = take(&mut self.parts);
-        let room = !counts || self.add(x, &parts);
+        let mut room = true;
+        if counts {
+            self.add::<0>(1, |_| x, &parts, |_| room = false);
+        }
         parts.clear();
         self.parts = parts;
         room
     }
 
-    /// Fetches the slots of parts that will be added to column `x`: films are larger than caches.
-    #[inline]
-    pub(super) fn fetch(&self, x: u32, parts: &[Part]) {
-        let slots = self.last.len();
-        let row = &self.row[x as usize * slots..][..slots];
-        parts.iter().for_each(|part| prefetch(&row[part.slot as usize]));
-    }
-
-    /// Adds all parts of a sample of column `x`. Returns whether there was room for squares.
-    #[inline]
-    pub(super) fn add(&mut self, x: u32, parts: &[Part]) -> bool {
-        // Where the number of a sample comes again after 2^32 others, parts are joined that need not be.
-        self.sample = self.sample.wrapping_add(1);
-        let mut apart = true;
-        for part in parts {
-            let last = replace(&mut self.last[part.slot as usize], self.sample);
-            apart &= last != self.sample;
-        }
-        if !apart {
-            self.join(parts);
-        }
-        let slots = self.last.len();
-        let row = &mut self.row[x as usize * slots..][..slots];
-        let mut room = true;
-        if apart {
-            for part in parts {
-                let slot = &mut row[part.slot as usize];
-                slot.add(part.value);
-                room &= slot.add_square(part.value);
+    /// Adds all parts of so many samples, sample by sample; `column` says where each of them is. Tells `full` the sample of
+    /// every part for whose square there was no room. So many slots are fetched ahead.
+    ///
+    /// Sums are added part by part, so that what comes together rounds none: a film's picture does not know when its light
+    /// arrives. The square is that of all that a sample brings to a slot.
+    #[inline(always)]
+    pub(super) fn add<const FETCHED: usize>(
+        &mut self,
+        samples: u32,
+        column: impl Fn(u32) -> u32,
+        parts: &[Part],
+        mut full: impl FnMut(u32),
+    ) {
+        let Gathering { row, last, .. } = self;
+        let slots = last.len();
+        let place = |part: &Part| column(part.path) as usize * slots + part.slot as usize;
+        parts.iter().take(FETCHED).for_each(|part| prefetch(&row[place(part)]));
+        // Where the number of a sample comes again after 2^32 others, a part may be taken for one that comes twice, and finds
+        // no other.
+        let first = self.samples.wrapping_add(1);
+        for (i, part) in parts.iter().enumerate() {
+            if FETCHED > 0
+                && let Some(ahead) = parts.get(i + FETCHED)
+            {
+                prefetch(&row[place(ahead)]);
             }
-        } else {
-            // Part by part, so that what comes together rounds no sum: a film's picture does not know when its light arrives.
-            parts.iter().for_each(|part| row[part.slot as usize].add(part.value));
-            self.joined.iter().for_each(|all| room &= row[all.slot as usize].add_square(all.value));
-        }
-        room
-    }
-
-    /// Makes one of all parts for the same slot: what a sample brings there has one square.
-    fn join(&mut self, parts: &[Part]) {
-        self.joined.clear();
-        for part in parts {
-            let place = &mut self.places[part.slot as usize];
-            match self.joined.get_mut(*place as usize) {
-                Some(all) if all.slot == part.slot => (0..3).for_each(|c| all.value[c] += part.value[c]),
-                _ => {
-                    *place = self.joined.len() as u32;
-                    self.joined.push(*part);
-                }
+            let slot = &mut row[place(part)];
+            slot.add(part.value);
+            let number = first.wrapping_add(part.path);
+            let again = replace(&mut last[part.slot as usize], number) == number;
+            let room = match again {
+                false => slot.add_square(part.value),
+                true => slot.add_to_square(before(&parts[..i], part), part.value),
+            };
+            if !room {
+                full(part.path);
             }
         }
+        self.samples = self.samples.wrapping_add(samples);
     }
+}
+
+/// What the same sample has brought to the same slot among these parts, the last of which were its own.
+#[inline(never)]
+fn before(parts: &[Part], part: &Part) -> [f32; 3] {
+    let own = parts.iter().rposition(|p| p.path != part.path).map_or(0, |other| other + 1);
+    parts[own..].iter().filter(|p| p.slot == part.slot).fold([0.0; 3], |sum, p| [0, 1, 2].map(|c| sum[c] + p.value[c]))
 }
 
 #[cfg(test)]

@@ -351,7 +351,7 @@ fn by_itself<const TIMED: bool>(
 fn hand_over(context: &Context, named: &[Named], values: &[Vec3], parts: &mut Parts, row: &mut RowSums) {
     let parts = context.timing.map(|timing| {
         parts.sort(timing, named.len());
-        &*parts
+        parts
     });
     row.own(named, values, parts);
 }
