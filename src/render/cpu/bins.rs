@@ -57,7 +57,8 @@ impl Slot {
         for (square, by) in self.square.iter_mut().zip(by) {
             *square += by;
         }
-        self.square[0].max(self.square[1]).max(self.square[2]) < f32::INFINITY
+        let [a, b, c] = self.square.map(|square| square < f32::INFINITY);
+        a & b & c
     }
 }
 

@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use crate::film::time::{TimeAxis, TimeFilter};
 use crate::transport::flight::Timing;
 
 /// The column and the index of a sample.
@@ -20,29 +19,22 @@ pub struct Part {
 }
 
 impl Part {
-    /// Hands over what becomes of light of a sample alone that has come an optical length, slot by slot.
+    /// Hands over what becomes of light that has come an optical length, slot by slot.
     #[inline]
-    pub fn each(timing: &Timing, value: Vec3, length: f64, mut give: impl FnMut(Part)) {
+    pub fn each(timing: &Timing, path: u32, value: Vec3, length: f64, mut give: impl FnMut(Part)) {
         let Timing { axis, filter, .. } = timing;
         filter.spread(axis, axis.place(length), |slot, share| {
-            give(Part { value: share_of(value, share).to_array(), slot: slot as u32, path: 0 });
+            let value = if share == 1.0 { value } else { value * share as f32 };
+            give(Part { value: value.to_array(), slot: slot as u32, path });
         });
     }
-}
-
-/// Light that a path has found, and its [place](TimeAxis::place) on the time axis.
-#[derive(Clone, Copy, Debug)]
-struct Found {
-    value: Vec3,
-    path: u32,
-    place: f64,
 }
 
 /// What paths that go together have found for their own pixels, in slots of the time axis.
 #[derive(Default)]
 pub struct Parts {
     /// In the order in which it was found.
-    found: Vec<Found>,
+    found: Vec<Part>,
     /// Path by path, those of each in the order in which they were found.
     sorted: Vec<Part>,
     /// Where those of each path end.
@@ -57,16 +49,12 @@ impl Parts {
 
     /// Takes what a path has found, and the optical length of it all.
     #[inline]
-    pub fn push(&mut self, axis: &TimeAxis, path: u32, value: Vec3, length: f64) {
-        self.found.push(Found { value, path, place: axis.place(length) });
+    pub fn push(&mut self, timing: &Timing, path: u32, value: Vec3, length: f64) {
+        Part::each(timing, path, value, length, |part| self.found.push(part));
     }
 
-    /// Sorts all by so many paths, in slots of the time axis.
-    pub fn sort(&mut self, timing: &Timing, paths: usize) {
-        let Timing { axis, filter, .. } = timing;
-        if *filter != TimeFilter::None {
-            self.spread(axis, filter);
-        }
+    /// Sorts all by so many paths.
+    pub fn sort(&mut self, paths: usize) {
         self.ends.clear();
         self.ends.resize(paths, 0);
         for found in &self.found {
@@ -79,18 +67,8 @@ impl Parts {
         self.sorted.resize(self.found.len(), Part::default());
         for found in &self.found {
             let end = &mut self.ends[found.path as usize];
-            let slot = axis.slot(found.place) as u32;
-            self.sorted[*end as usize] = Part { value: found.value.to_array(), slot, path: found.path };
+            self.sorted[*end as usize] = *found;
             *end += 1;
-        }
-    }
-
-    /// Puts the shares of everything in its place.
-    fn spread(&mut self, axis: &TimeAxis, filter: &TimeFilter) {
-        for Found { value, path, place } in std::mem::take(&mut self.found) {
-            filter.spread(axis, place, |slot, share| {
-                self.found.push(Found { value: share_of(value, share), path, place: axis.middle(slot) });
-            });
         }
     }
 
@@ -105,15 +83,10 @@ impl Parts {
     }
 }
 
-/// The share of a value that a filter gives to a slot.
-#[inline]
-fn share_of(value: Vec3, share: f64) -> Vec3 {
-    if share == 1.0 { value } else { value * share as f32 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::film::time::{TimeAxis, TimeFilter};
 
     const AXIS: TimeAxis = TimeAxis { start: 1.0, bin: 0.5, bins: 4 };
 
@@ -123,9 +96,9 @@ mod tests {
         for again in 0..2 {
             parts.clear();
             for (path, value, length) in [(2, 1.0, 1.2), (0, 2.0, 0.0), (2, 3.0, 2.9), (2, 4.0, 1.2), (3, 5.0, 9.0)] {
-                parts.push(&AXIS, path, Vec3::splat(value), length);
+                parts.push(&Timing::plain(AXIS), path, Vec3::splat(value), length);
             }
-            parts.sort(&Timing::plain(AXIS), 5);
+            parts.sort(5);
             let all = |parts: &Parts| parts.sorted().iter().map(|p| (p.path, p.value[1], p.slot)).collect::<Vec<_>>();
             assert_eq!(all(&parts), [(0, 2.0, 0), (2, 1.0, 1), (2, 3.0, 4), (2, 4.0, 1), (3, 5.0, 5)], "{again}");
             parts.refuse(2);
@@ -139,10 +112,10 @@ mod tests {
         let mut parts = Parts::default();
         let mut one = Vec::new();
         for length in [0.3, 1.0, 1.9, 2.99, 4.0] {
-            parts.push(&AXIS, 1, Vec3::new(0.1, 7.0, 1e-3), length);
-            Part::each(&timing, Vec3::new(0.1, 7.0, 1e-3), length, |part| one.push(Part { path: 1, ..part }));
+            parts.push(&timing, 1, Vec3::new(0.1, 7.0, 1e-3), length);
+            Part::each(&timing, 1, Vec3::new(0.1, 7.0, 1e-3), length, |part| one.push(part));
         }
-        parts.sort(&timing, 2);
+        parts.sort(2);
         assert_eq!(parts.sorted(), one);
         assert!(one.len() > 10 && one.iter().any(|p| p.slot == 0) && one.iter().any(|p| p.slot == 5));
     }

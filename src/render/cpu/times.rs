@@ -185,7 +185,7 @@ impl<'a> Landing<'a> {
     ) -> bool {
         let first = pixel * self.timing.axis.slots();
         let mut taken = true;
-        Part::each(self.timing, value, length, |part| taken &= push(first + part.slot as usize, part.value));
+        Part::each(self.timing, 0, value, length, |part| taken &= push(first + part.slot as usize, part.value));
         taken
     }
 }
@@ -212,9 +212,8 @@ impl<'a> Gathering<'a> {
     /// Takes light for the sample's own pixel, which is in column `x`, and the optical length of its path.
     #[inline]
     pub(super) fn own(&mut self, x: u32, value: Vec3, length: f64) {
-        let first = x as usize * self.last.len();
-        Part::each(self.timing, value, length, |part| {
-            prefetch(&self.row[first + part.slot as usize]);
+        Part::each(self.timing, 0, value, length, |part| {
+            prefetch(&self.row[x as usize * self.last.len() + part.slot as usize]);
             self.parts.push(part);
         });
     }

@@ -294,7 +294,7 @@ impl Streams {
                     let Waiting { path, value, .. } = light;
                     tile.values[path as usize] += value;
                     if TIMED && let Some(timing) = context.timing {
-                        tile.parts.push(&timing.axis, path, value, tile.lengths[i]);
+                        tile.parts.push(timing, path, value, tile.lengths[i]);
                     }
                 }
             }
@@ -330,7 +330,7 @@ fn by_itself<const TIMED: bool>(
     let mut sink = |c: Contribution| {
         *value += c.value;
         if TIMED && let Some(timing) = context.timing {
-            parts.push(&timing.axis, path as u32, c.value, c.length);
+            parts.push(timing, path as u32, c.value, c.length);
         }
     };
     let goes_on = step(&mut walk, context, pixel, &mut sampler, &mut sink, depth, hit);
@@ -349,8 +349,8 @@ fn by_itself<const TIMED: bool>(
 
 /// Hands over what samples bring to their own pixels: the values, and, where there is a time axis, what makes them up.
 fn hand_over(context: &Context, named: &[Named], values: &[Vec3], parts: &mut Parts, row: &mut RowSums) {
-    let parts = context.timing.map(|timing| {
-        parts.sort(timing, named.len());
+    let parts = context.timing.map(|_| {
+        parts.sort(named.len());
         parts
     });
     row.own(named, values, parts);

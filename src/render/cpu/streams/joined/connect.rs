@@ -192,7 +192,7 @@ impl Lists {
                 && value != Vec3::ZERO
                 && let Some(timing) = work.context.timing
             {
-                own.parts.push(&timing.axis, path, value, self.slots.lengths[i]);
+                own.parts.push(timing, path, value, self.slots.lengths[i]);
             }
         }
         self.slots.lengths.clear();
