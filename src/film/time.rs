@@ -8,6 +8,7 @@
 use std::borrow::Borrow;
 
 use super::Image;
+use crate::math::real::Double;
 
 /// The file in which a run leaves the mean radiance of every bin, an array of NumPy: [row][column][bin][rgb].
 pub const CUBE_FILE: &str = "time-cube.npy";
@@ -30,10 +31,10 @@ impl TimeAxis {
         self.bins as usize + 2
     }
 
-    /// Place of an optical length in bins from the start: 1.5 is the middle of the second one.
-    #[inline]
-    pub fn place(&self, length: f64) -> f64 {
-        (length - self.start) / self.bin
+    /// Places of optical lengths in bins from the start: 1.5 is the middle of the second one.
+    #[inline(always)]
+    pub fn place<D: Double>(&self, lengths: D) -> D {
+        (lengths + D::of(-self.start)) / D::of(self.bin)
     }
 
     /// The slot of a place in bins; what is not a number is late.

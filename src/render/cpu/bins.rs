@@ -57,8 +57,10 @@ impl Slot {
         for (square, by) in self.square.iter_mut().zip(by) {
             *square += by;
         }
-        let [a, b, c] = self.square.map(|square| square < f32::INFINITY);
-        a & b & c
+        let [a, b, c] = self.square;
+        let most = if a > b { a } else { b };
+        let most = if most > c { most } else { c };
+        most < f32::INFINITY
     }
 }
 

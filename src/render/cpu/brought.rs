@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use crate::film::time::TimeFilter;
 use crate::transport::flight::Timing;
 
 /// The column and the index of a sample.
@@ -19,11 +20,21 @@ pub struct Part {
 }
 
 impl Part {
-    /// Hands over what becomes of light that has come an optical length, slot by slot.
-    #[inline]
-    pub fn each(timing: &Timing, path: u32, value: Vec3, length: f64, mut give: impl FnMut(Part)) {
+    /// Hands over what becomes of light that comes to a [place](crate::film::time::TimeAxis::place) of the time axis, slot by
+    /// slot.
+    #[inline(always)]
+    pub fn each(timing: &Timing, path: u32, value: Vec3, place: f64, mut give: impl FnMut(Part)) {
         let Timing { axis, filter, .. } = timing;
-        filter.spread(axis, axis.place(length), |slot, share| {
+        match filter {
+            TimeFilter::None => give(Part { value: value.to_array(), slot: axis.slot(place) as u32, path }),
+            _ => Part::shares(timing, path, value, place, &mut give),
+        }
+    }
+
+    /// The same where a filter spreads it.
+    #[inline(never)]
+    fn shares(timing: &Timing, path: u32, value: Vec3, place: f64, give: &mut dyn FnMut(Part)) {
+        timing.filter.spread(&timing.axis, place, |slot, share| {
             let value = if share == 1.0 { value } else { value * share as f32 };
             give(Part { value: value.to_array(), slot: slot as u32, path });
         });
@@ -47,10 +58,10 @@ impl Parts {
         self.found.clear();
     }
 
-    /// Takes what a path has found, and the optical length of it all.
-    #[inline]
-    pub fn push(&mut self, timing: &Timing, path: u32, value: Vec3, length: f64) {
-        Part::each(timing, path, value, length, |part| self.found.push(part));
+    /// Takes what a path has found, and its place on the time axis.
+    #[inline(always)]
+    pub fn push(&mut self, timing: &Timing, path: u32, value: Vec3, place: f64) {
+        Part::each(timing, path, value, place, |part| self.found.push(part));
     }
 
     /// Sorts all by so many paths.
@@ -86,7 +97,7 @@ impl Parts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::time::{TimeAxis, TimeFilter};
+    use crate::film::time::TimeAxis;
 
     const AXIS: TimeAxis = TimeAxis { start: 1.0, bin: 0.5, bins: 4 };
 
@@ -96,7 +107,7 @@ mod tests {
         for again in 0..2 {
             parts.clear();
             for (path, value, length) in [(2, 1.0, 1.2), (0, 2.0, 0.0), (2, 3.0, 2.9), (2, 4.0, 1.2), (3, 5.0, 9.0)] {
-                parts.push(&Timing::plain(AXIS), path, Vec3::splat(value), length);
+                parts.push(&Timing::plain(AXIS), path, Vec3::splat(value), AXIS.place(length));
             }
             parts.sort(5);
             let all = |parts: &Parts| parts.sorted().iter().map(|p| (p.path, p.value[1], p.slot)).collect::<Vec<_>>();
@@ -112,8 +123,9 @@ mod tests {
         let mut parts = Parts::default();
         let mut one = Vec::new();
         for length in [0.3, 1.0, 1.9, 2.99, 4.0] {
-            parts.push(&timing, 1, Vec3::new(0.1, 7.0, 1e-3), length);
-            Part::each(&timing, 1, Vec3::new(0.1, 7.0, 1e-3), length, |part| one.push(part));
+            let (value, place) = (Vec3::new(0.1, 7.0, 1e-3), AXIS.place(length));
+            parts.push(&timing, 1, value, place);
+            Part::each(&timing, 1, value, place, |part| one.push(part));
         }
         parts.sort(2);
         assert_eq!(parts.sorted(), one);

@@ -185,7 +185,8 @@ impl<'a> Landing<'a> {
     ) -> bool {
         let first = pixel * self.timing.axis.slots();
         let mut taken = true;
-        Part::each(self.timing, 0, value, length, |part| taken &= push(first + part.slot as usize, part.value));
+        let place = self.timing.axis.place(length);
+        Part::each(self.timing, 0, value, place, |part| taken &= push(first + part.slot as usize, part.value));
         taken
     }
 }
@@ -212,7 +213,7 @@ impl<'a> Gathering<'a> {
     /// Takes light for the sample's own pixel, which is in column `x`, and the optical length of its path.
     #[inline]
     pub(super) fn own(&mut self, x: u32, value: Vec3, length: f64) {
-        Part::each(self.timing, 0, value, length, |part| {
+        Part::each(self.timing, 0, value, self.timing.axis.place(length), |part| {
             prefetch(&self.row[x as usize * self.last.len() + part.slot as usize]);
             self.parts.push(part);
         });

@@ -97,8 +97,8 @@ struct Tile {
     index: Vec<f32>,
     values: Vec<Vec3>,
     waiting: Vec<Waiting>,
-    /// When what waits arrives, where there is a time axis.
-    lengths: Vec<f64>,
+    /// When what waits arrives, where there is a time axis: its place there.
+    places: Vec<f64>,
     /// What makes up the values, where there is a time axis.
     parts: Parts,
     /// The paths that make a step, and those of them that go on.
@@ -294,11 +294,11 @@ impl Streams {
                     let Waiting { path, value, .. } = light;
                     tile.values[path as usize] += value;
                     if TIMED && let Some(timing) = context.timing {
-                        tile.parts.push(timing, path, value, tile.lengths[i]);
+                        tile.parts.push(timing, path, value, tile.places[i]);
                     }
                 }
             }
-            tile.lengths.clear();
+            tile.places.clear();
             swap(&mut active, &mut tile.next);
         }
         (tile.active, tile.lists) = (active, lists);
@@ -330,7 +330,7 @@ fn by_itself<const TIMED: bool>(
     let mut sink = |c: Contribution| {
         *value += c.value;
         if TIMED && let Some(timing) = context.timing {
-            parts.push(timing, path as u32, c.value, c.length);
+            parts.push(timing, path as u32, c.value, timing.axis.place(c.length));
         }
     };
     let goes_on = step(&mut walk, context, pixel, &mut sampler, &mut sink, depth, hit);

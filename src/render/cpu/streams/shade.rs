@@ -211,7 +211,7 @@ impl<R: Real> Vertices<R> {
 
     /// As [`of_direct`](crate::transport::flight::of_direct).
     #[inline(always)]
-    pub fn of_direct<const N: usize>(&self, context: &Context, stamp: &Stamp<R>, direct: &Direct<R, N>) -> [f64; N]
+    pub fn of_direct<const N: usize>(&self, context: &Context, stamp: &Stamp<R>, direct: &Direct<R, N>) -> R::Double
     where
         R: Lanes<N>,
     {
@@ -220,7 +220,7 @@ impl<R: Real> Vertices<R> {
             let lead = context.lights.lead(self.point.position, direct.wi);
             distance = R::select(direct.endless, lead, distance);
         }
-        R::store_doubles(stamp.onward(self.index_ratio(direct.wi), distance))
+        stamp.onward(self.index_ratio(direct.wi), distance)
     }
 }
 
@@ -386,9 +386,9 @@ fn connect<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let value = throughput * radiance * weight;
     let rays = shadow_rays::<R, N>([from, n_geometric], [direct.at, direct.normal], wi, direct.endless);
     let values = R::stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero]);
-    if TIMED {
-        let lengths = vertices.of_direct(context, stamp, &direct);
-        tile.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
+    if TIMED && let Some(timing) = context.timing {
+        let places = R::store_doubles(timing.axis.place(vertices.of_direct(context, stamp, &direct)));
+        tile.places.extend(set(lit.bits()).map(|i| places[i]));
     }
     for i in set(lit.bits()) {
         let (ray, distance) = shadow_ray(&rays[i]);

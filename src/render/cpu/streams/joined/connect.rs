@@ -192,7 +192,7 @@ impl Lists {
                 && value != Vec3::ZERO
                 && let Some(timing) = work.context.timing
             {
-                own.parts.push(timing, path, value, self.slots.lengths[i]);
+                own.parts.push(timing, path, value, timing.axis.place(self.slots.lengths[i]));
             }
         }
         self.slots.lengths.clear();
@@ -466,7 +466,7 @@ fn next_events<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let values = work.shared::<R, N>(unweighted, others, usable);
     let rays = shadow_rays::<R, N>(from, [d.at, d.normal], d.wi, d.endless);
     if TIMED {
-        let lengths = z.vertices.of_direct(work.context, &stamps::<R, N>(nodes), &d);
+        let lengths = R::store_doubles(z.vertices.of_direct(work.context, &stamps::<R, N>(nodes), &d));
         waiting.lengths.extend(set(lit.bits()).map(|i| lengths[i]));
     }
     for i in set(lit.bits()) {
