@@ -43,8 +43,8 @@ impl TimeAxis {
         if place < 0.0 {
             0
         } else if place < f64::from(self.bins) {
-            // Rounding may take a place just below the end to the end.
-            (place as usize + 1).min(self.bins as usize)
+            // There are fewer bins than such numbers, and to make them takes less than to make longer ones.
+            place as i32 as usize + 1
         } else {
             self.bins as usize + 1
         }

@@ -114,11 +114,13 @@ impl<'a> RowSums<'a> {
     pub fn add(&mut self, x: u32, value: Vec3) -> bool {
         let finite = value.is_finite();
         if finite {
-            let (sum, sum2) = (&mut self.sum[x as usize], &mut self.sum2[x as usize]);
             for c in 0..3 {
                 let v = f64::from(value[c]);
-                sum[c] += v;
-                sum2[c] += v * v;
+                // With a time axis the picture is the sum of its slots.
+                if self.by_time.is_none() {
+                    self.sum[x as usize][c] += v;
+                }
+                self.sum2[x as usize][c] += v * v;
             }
         }
         finite
