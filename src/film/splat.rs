@@ -26,8 +26,12 @@ const SQUARE_BITS: i32 = 44;
 /// Pixels of a stripe: 24 KiB of sums.
 const STRIPE: usize = 256;
 
-/// Splats that a [`SplatBuffer`] holds before it asks to be emptied: 1 MiB.
-const BUFFERED: usize = 1 << 16;
+/// Splats that a [`SplatBuffer`] holds for each stripe before it asks to be emptied: where they are few, a lock and what it
+/// takes to find a stripe's memory are paid for almost every one of them.
+const BUFFERED: usize = 48;
+
+/// Fewest and most splats that it holds, whatever stripes there are: 1 MiB, and 8 MiB for films with a time axis.
+const HELD: [usize; 2] = [1 << 16, 1 << 19];
 
 /// So many splats before it is needed, a pixel's sums are fetched: about as long as memory takes.
 const AHEAD: usize = 8;
@@ -280,8 +284,10 @@ impl SplatSums {
 }
 
 /// Splats of one thread on their way to [`SplatSums`].
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct SplatBuffer {
+    /// How many it holds before it asks to be emptied.
+    most: usize,
     waiting: Vec<(u32, [f32; 3])>,
     /// The same by stripe, while they are handed over, and where each stripe's begin.
     sorted: Vec<(u32, [f32; 3])>,
@@ -290,6 +296,12 @@ pub struct SplatBuffer {
 }
 
 impl SplatBuffer {
+    /// For sums of so many pixels.
+    pub fn new(pixels: usize) -> SplatBuffer {
+        let most = (pixels.div_ceil(STRIPE) * BUFFERED).clamp(HELD[0], HELD[1]);
+        SplatBuffer { most, waiting: Vec::new(), sorted: Vec::new(), starts: Vec::new(), locks: 0 }
+    }
+
     /// Takes a splat for a pixel, a number below 2^32. Returns whether it can be counted, as [`SplatSums::add`] does.
     #[inline]
     #[must_use]
@@ -314,7 +326,7 @@ impl SplatBuffer {
     /// Whether it is time to [hand over](Self::flush).
     #[inline]
     pub fn is_full(&self) -> bool {
-        self.waiting.len() >= BUFFERED
+        self.waiting.len() >= self.most
     }
 
     /// Hands everything over and returns how many splats found no room for their squares.
@@ -338,9 +350,9 @@ impl SplatBuffer {
         let mut without_room = 0;
         let mut groups = self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE).peekable();
         while let Some(group) = groups.next() {
-            // Where few are for the same stripe, as in films with a time axis, the next stripe's are what comes soon.
-            if let Some(next) = groups.peek().filter(|next| next.len() <= 2 * AHEAD) {
-                sums.fetch(next);
+            // Where few are for the same stripe, as in films with a time axis, the next stripe's first ones are what comes soon.
+            if let Some(next) = groups.peek().filter(|next| next.len() <= 2 * BUFFERED) {
+                sums.fetch(&next[..next.len().min(2 * AHEAD)]);
                 self.locks += 1;
             }
             let mut stripe = sums.open(group[0].0 as usize / STRIPE);
@@ -431,7 +443,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_whole() {
         let splats = SplatSums::new(1);
-        let mut buffer = SplatBuffer::default();
+        let mut buffer = SplatBuffer::new(1);
         for bad in [f32::NAN, f32::INFINITY, -f32::INFINITY, 2.0 * MAX_SPLAT] {
             assert!(!splats.add(0, [1.0, bad, 1.0]));
             assert!(!buffer.push(0, [1.0, bad, 1.0]));
@@ -453,7 +465,7 @@ mod tests {
             for t in 0..4u32 {
                 let splats = &splats;
                 scope.spawn(move || {
-                    let mut buffer = SplatBuffer::default();
+                    let mut buffer = SplatBuffer { most: 7000, ..SplatBuffer::new(pixels) };
                     for i in 0..20_000u32 {
                         let (pixel, value) = splat(t, i);
                         assert!(if t == 0 { splats.add(pixel, value) } else { buffer.push(pixel, value) });
@@ -479,10 +491,19 @@ mod tests {
     }
 
     #[test]
+    fn buffers_hold_more_where_there_are_many_stripes_and_no_end_of_them() {
+        let most = |stripes: usize| SplatBuffer::new(stripes * STRIPE).most;
+        assert_eq!([1, 100, 2000, 1 << 20].map(most), [HELD[0], HELD[0], 2000 * BUFFERED, HELD[1]]);
+        let mut buffer = SplatBuffer { most: 2, ..SplatBuffer::new(1) };
+        let full = [0; 2].map(|_| buffer.push(0, [1.0; 3]) && buffer.is_full());
+        assert_eq!(full, [false, true]);
+    }
+
+    #[test]
     fn a_buffer_says_how_many_found_no_room() {
         let splats = SplatSums::new(1);
         splats.open(0)[0].square = [u128::MAX; 3];
-        let mut buffer = SplatBuffer::default();
+        let mut buffer = SplatBuffer::new(1);
         assert!(buffer.push(0, [1.0; 3]) && buffer.push(0, [0.0; 3]));
         assert_eq!(buffer.flush(&splats), 1);
         assert!(!splats.add(0, [f32::NAN; 3]));

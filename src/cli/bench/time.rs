@@ -2,7 +2,8 @@
 //!
 //! All are the same scene with the same samples, so that what they trace is the same; they take turns on one thread, or on
 //! the device, and ratios are of one turn. What the first turn takes longer than the others, memory that is touched for the first time above
-//! all, is told apart.
+//! all, is told apart. It also says how many samples the others have, which are as long as waves of runs: films are larger than caches, and the
+//! more samples a wave brings to a pixel the less each of them waits for its bins.
 
 use std::sync::Arc;
 
@@ -23,13 +24,17 @@ use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 const BINS: u32 = 300;
 /// Pixels of the picture: so many that the film is larger than caches, and fits into the 128 MiB that every device offers.
 const SIZE: [u32; 2] = [120, 80];
-/// Samples of one turn.
-const SAMPLES: u64 = 16;
+/// Samples of the first turn, and the fewest and the most of the others.
+const SAMPLES: [u64; 2] = [16, 1024];
+/// How long the picture takes in one of these, in seconds: waves of runs double up to half a second.
+const TURN_S: f64 = 0.25;
 
 /// The seconds of an integrator for each of the kinds.
 pub struct Cost {
     backend: String,
     integrator: &'static str,
+    /// Samples of a turn.
+    samples: u64,
     /// In the first turn.
     first: Vec<f64>,
     /// In each of the others.
@@ -71,9 +76,10 @@ fn cost(desc: &SceneDesc, integrator: &'static IntegratorRow, backend: &str, rep
         (kind.change)(&mut changed);
         renderers.push(open(&changed, integrator, backend, kind)?);
     }
-    let mut turns = in_turns(&mut renderers, repeats + 1, SAMPLES, |wave| wave.render_s)?;
-    let first = turns.remove(0);
-    Ok(Cost { backend: backend.to_owned(), integrator: integrator.name, first, turns })
+    let first = in_turns(&mut renderers, 1, SAMPLES[0], |wave| wave.render_s)?.remove(0);
+    let samples = ((SAMPLES[0] as f64 * TURN_S / first[0]) as u64).clamp(SAMPLES[0], SAMPLES[1]);
+    let turns = in_turns(&mut renderers, repeats, samples, |wave| wave.render_s)?;
+    Ok(Cost { backend: backend.to_owned(), integrator: integrator.name, samples, first, turns })
 }
 
 fn open(
@@ -117,13 +123,19 @@ impl Cost {
         (median(self.turns.iter().map(|t| t[kind])), median(self.turns.iter().map(|t| t[kind] / t[base])))
     }
 
+    /// How many times as long a sample of a kind took in the first turn.
+    fn first(&self, kind: usize) -> f64 {
+        self.first[kind] / SAMPLES[0] as f64 / (self.figures(kind).0 / self.samples as f64)
+    }
+
     /// The figures by name.
     fn to_json(&self) -> Json {
         let kinds = KINDS.iter().enumerate().map(|(i, kind)| {
             let (seconds, ratio) = self.figures(i);
             (kind.name.to_owned(), json!({ "seconds": seconds, "ratio": ratio, "first_s": self.first[i] }))
         });
-        json!({ "backend": self.backend, "integrator": self.integrator, "kinds": kinds.collect::<serde_json::Map<_, _>>() })
+        let kinds: serde_json::Map<_, _> = kinds.collect();
+        json!({ "backend": self.backend, "integrator": self.integrator, "samples": self.samples, "kinds": kinds })
     }
 }
 
@@ -135,20 +147,23 @@ pub fn to_json(costs: &[Cost]) -> Json {
 /// The figures for people.
 pub fn table(costs: &[Cost]) -> String {
     let mut rows = vec![
-        ["time", "backend", "integrator", "Mpaths/s", "of its base", "base", "first turn"].map(str::to_owned).to_vec(),
+        ["time", "backend", "integrator", "samples", "Mpaths/s", "of its base", "base", "first turn"]
+            .map(str::to_owned)
+            .to_vec(),
     ];
-    let paths = f64::from(SIZE[0] * SIZE[1]) * SAMPLES as f64;
     for cost in costs {
+        let paths = f64::from(SIZE[0] * SIZE[1]) * cost.samples as f64;
         for (i, kind) in KINDS.iter().enumerate() {
             let (seconds, ratio) = cost.figures(i);
             rows.push(vec![
                 kind.name.to_owned(),
                 cost.backend.clone(),
                 cost.integrator.to_owned(),
+                cost.samples.to_string(),
                 format!("{:.3}", paths / seconds / 1e6),
                 format!("{ratio:.3}"),
                 KINDS[kind.base].name.to_owned(),
-                format!("{:.2}", cost.first[i] / seconds),
+                format!("{:.2}", cost.first(i)),
             ]);
         }
     }

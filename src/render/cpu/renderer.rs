@@ -262,7 +262,7 @@ impl Renderer for CpuRenderer {
                 settings: &settings,
                 timing: job.timing.as_ref(),
             };
-            let buffer = idle().pop().unwrap_or_default();
+            let buffer = idle().pop().unwrap_or_else(|| splats.buffer());
             let by_time = apart.times.zip(splats.landing).map(|(row, landing)| Gathering::new(landing, row));
             let mut row = RowSums::new(y, sums, by_time, splats, buffer);
             let samples = first..first + samples;

@@ -47,11 +47,21 @@ pub(super) struct Splats<'a> {
 impl<'a> Splats<'a> {
     /// The sums.
     pub fn sums(&self) -> &'a SplatSums {
-        let [width, height] = self.resolution.map(|n| n as usize);
         match &self.landing {
             Some(landing) => landing.sums(),
-            None => self.plain.get_or_init(|| SplatSums::new(width * height)),
+            None => self.plain.get_or_init(|| SplatSums::new(self.size())),
         }
+    }
+
+    /// A buffer for them.
+    pub fn buffer(&self) -> SplatBuffer {
+        SplatBuffer::new(self.landing.map_or(self.size(), |landing| landing.size()))
+    }
+
+    /// How many pixels the picture has.
+    fn size(&self) -> usize {
+        let [width, height] = self.resolution.map(|n| n as usize);
+        width * height
     }
 
     /// The index of a pixel, if the picture has it.

@@ -176,6 +176,11 @@ impl<'a> Landing<'a> {
         self.splats.get_or_init(|| SplatSums::new(self.size))
     }
 
+    /// How many slots there are.
+    pub(super) fn size(&self) -> usize {
+        self.size
+    }
+
     /// Hands each share of a splat on a pixel to `push` with its place among the sums, and says whether all were taken.
     pub(super) fn splat(
         &self,
