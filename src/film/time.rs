@@ -6,9 +6,9 @@
 //! arrives after the last. So nothing is lost, and the sum over all slots, in their order, *is* the picture.
 
 use std::borrow::Borrow;
+use std::ops::{Add, Div};
 
 use super::Image;
-use crate::math::real::Double;
 
 /// The file in which a run leaves the mean radiance of every bin, an array of NumPy: [row][column][bin][rgb].
 pub const CUBE_FILE: &str = "time-cube.npy";
@@ -31,10 +31,16 @@ impl TimeAxis {
         self.bins as usize + 2
     }
 
-    /// Places of optical lengths in bins from the start: 1.5 is the middle of the second one.
+    /// Place of an optical length in bins from the start: 1.5 is the middle of the second one.
+    #[inline]
+    pub fn place(&self, length: f64) -> f64 {
+        self.places(length, |number| number)
+    }
+
+    /// Places of many lengths at once, where `of` makes as many of one number.
     #[inline(always)]
-    pub fn place<D: Double>(&self, lengths: D) -> D {
-        (lengths + D::of(-self.start)) / D::of(self.bin)
+    pub fn places<T: Add<Output = T> + Div<Output = T>>(&self, lengths: T, of: impl Fn(f64) -> T) -> T {
+        (lengths + of(-self.start)) / of(self.bin)
     }
 
     /// The slot of a place in bins; what is not a number is late.

@@ -8,7 +8,7 @@ use super::table::{Common, Table};
 use super::{SPECULAR, Tile, Waiting};
 use crate::math::Frame;
 use crate::math::lanes::{AnyWidth, Lanes, Row, each, filled, set};
-use crate::math::real::{Mask, Real, Vector, Word};
+use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::scene::CompiledScene;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::bsdf::clearcoat::Clearcoat;
@@ -387,7 +387,7 @@ fn connect<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let rays = shadow_rays::<R, N>([from, n_geometric], [direct.at, direct.normal], wi, direct.endless);
     let values = R::stored([value.x(), value.y(), value.z(), zero, zero, zero, zero, zero]);
     if TIMED && let Some(timing) = context.timing {
-        let places = R::store_doubles(timing.axis.place(vertices.of_direct(context, stamp, &direct)));
+        let places = R::store_doubles(timing.axis.places(vertices.of_direct(context, stamp, &direct), R::Double::of));
         tile.places.extend(set(lit.bits()).map(|i| places[i]));
     }
     for i in set(lit.bits()) {
