@@ -313,9 +313,9 @@ impl SplatBuffer {
         fits
     }
 
-    /// How many locks it has taken to hand over what it held.
-    pub fn locks(&self) -> u64 {
-        self.locks
+    /// How many locks it has taken, since this was asked last, to hand over what it held.
+    pub fn take_locks(&mut self) -> u64 {
+        std::mem::take(&mut self.locks)
     }
 
     /// Whether nothing waits.
@@ -350,12 +350,17 @@ impl SplatBuffer {
         let mut without_room = 0;
         let mut groups = self.sorted.chunk_by(|a, b| a.0 as usize / STRIPE == b.0 as usize / STRIPE).peekable();
         while let Some(group) = groups.next() {
+            let at = group[0].0 as usize / STRIPE;
+            // Where there are many, locks are not at hand either.
+            if let Some(soon) = sums.stripes.get(at + 2) {
+                prefetch(soon);
+            }
             // Where few are for the same stripe, as in films with a time axis, the next stripe's first ones are what comes soon.
             if let Some(next) = groups.peek().filter(|next| next.len() <= 2 * BUFFERED) {
                 sums.fetch(&next[..next.len().min(2 * AHEAD)]);
                 self.locks += 1;
             }
-            let mut stripe = sums.open(group[0].0 as usize / STRIPE);
+            let mut stripe = sums.open(at);
             self.locks += 1;
             for (i, (pixel, value)) in group.iter().enumerate() {
                 if let Some((later, _)) = group.get(i + AHEAD) {

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::io::{self, Write};
+use std::mem::take;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
@@ -43,6 +44,8 @@ pub struct CpuRenderer {
     own: Film,
     /// What they brought elsewhere; there from the first splat on.
     splats: OnceLock<SplatSums>,
+    /// On their way there; empty between waves, and kept for their memory.
+    buffers: Vec<SplatBuffer>,
     /// Both together, where there are splats.
     joint: Option<Film>,
     /// The layers, where the job asks for any.
@@ -99,6 +102,7 @@ impl CpuRenderer {
             lights: Lights::with_select(&scene, Select::of(&job.params)),
             own: Film::new(job.resolution[0], job.resolution[1]),
             splats: OnceLock::new(),
+            buffers: Vec::new(),
             joint: None,
             layers,
             streams,
@@ -241,10 +245,11 @@ impl Renderer for CpuRenderer {
         self.timed = OnceLock::new();
         let first = self.job.first_sample + self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
-        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, times, pool, .. } = self;
+        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, buffers, layers, times, pool, .. } =
+            self;
         let settings = Settings::new(&job.params);
         // Rows hand their buffers on, so that few are needed and they are mostly full when they are emptied.
-        let buffers: Mutex<Vec<SplatBuffer>> = Mutex::default();
+        let buffers = Mutex::new(take(buffers));
         let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
         let (time_rows, landing) = TimeSums::rows(times, height);
         let splats = Splats { resolution: [width, height], plain: splats, landing };
@@ -295,7 +300,8 @@ impl Renderer for CpuRenderer {
             let mut left = idle();
             left.par_iter_mut().filter(|b| !b.is_empty()).map(|buffer| buffer.flush(splats.sums())).sum()
         });
-        let locks: u64 = idle().iter().map(SplatBuffer::locks).sum();
+        self.buffers = buffers.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let locks: u64 = self.buffers.iter_mut().map(SplatBuffer::take_locks).sum();
         self.shared_writes += 3 * u64::from(height) + locks;
         film.samples += samples;
         let paths = samples * film.sum.len() as u64;
