@@ -56,12 +56,6 @@ impl TimeAxis {
         }
     }
 
-    /// The place in the middle of a slot; the slots beside the bins count as wide as these.
-    #[inline]
-    pub fn middle(&self, slot: usize) -> f64 {
-        slot as f64 - 0.5
-    }
-
     /// Where bin `i` begins, from 0.
     pub fn begin(&self, i: u32) -> f64 {
         self.start + f64::from(i) * self.bin
@@ -273,7 +267,7 @@ mod tests {
         assert_eq!([slot(1.99), slot(2.0), slot(2.249), slot(2.25), slot(3.99)], [0, 1, 1, 2, 8]);
         assert_eq!([slot(4.0), slot(1e30), slot(f64::INFINITY), slot(f64::NAN), slot(-1e30)], [9, 9, 9, 9, 0]);
         assert_eq!((AXIS.slots(), AXIS.begin(1), AXIS.end()), (10, 2.25, 4.0));
-        assert!((0..AXIS.slots()).all(|slot| AXIS.slot(AXIS.middle(slot)) == slot));
+        assert!((0..AXIS.slots()).all(|slot| AXIS.slot(slot as f64 - 0.5) == slot));
     }
 
     #[test]

@@ -45,9 +45,9 @@ impl Slot {
 
     /// Makes the square of what a sample has brought before that of all it has brought now. Returns whether there was room.
     #[inline]
-    pub(super) fn add_to_square(&mut self, before: [f32; 3], value: [f32; 3]) -> bool {
+    pub(super) fn add_to_square(&mut self, before: [f32; 3], now: [f32; 3]) -> bool {
         self.grow([0, 1, 2].map(|c| {
-            let square = (before[c] + value[c]) * (before[c] + value[c]);
+            let square = now[c] * now[c];
             if square < f32::INFINITY { square - before[c] * before[c] } else { f32::INFINITY }
         }))
     }

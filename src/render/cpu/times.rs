@@ -5,7 +5,7 @@
 //! are those of its slots, added in their order, so that the two have the same bits.
 
 use std::io::{self, Write};
-use std::mem::{replace, take};
+use std::mem::take;
 use std::sync::OnceLock;
 
 use glam::Vec3;
@@ -196,14 +196,21 @@ impl<'a> Landing<'a> {
     }
 }
 
+/// The last sample that brought anything to a slot, by its number, and all of that so far.
+#[derive(Clone, Copy, Default)]
+struct Latest {
+    value: [f32; 3],
+    sample: u32,
+}
+
 /// Puts what the samples of a row bring to their own pixels into its slots.
 pub(super) struct Gathering<'a> {
     timing: &'a Timing,
     row: &'a mut [Slot],
     /// What the sample in progress has brought so far, of paths that go one by one.
     parts: Vec<Part>,
-    /// Of every slot the number of the last sample that brought anything there.
-    last: Vec<u32>,
+    /// Of every slot.
+    latest: Vec<Latest>,
     /// Samples so far.
     samples: u32,
 }
@@ -212,14 +219,14 @@ impl<'a> Gathering<'a> {
     /// For one row.
     pub(super) fn new(landing: Landing<'a>, row: TimeRow<'a>) -> Gathering<'a> {
         let timing = landing.timing;
-        Gathering { timing, row, parts: Vec::new(), last: vec![0; timing.axis.slots()], samples: 0 }
+        Gathering { timing, row, parts: Vec::new(), latest: vec![Latest::default(); timing.axis.slots()], samples: 0 }
     }
 
     /// Takes light for the sample's own pixel, which is in column `x`, and the optical length of its path.
     #[inline]
     pub(super) fn own(&mut self, x: u32, value: Vec3, length: f64) {
         Part::each(self.timing, 0, value, self.timing.axis.place(length), |part| {
-            prefetch(&self.row[x as usize * self.last.len() + part.slot as usize]);
+            prefetch(&self.row[x as usize * self.latest.len() + part.slot as usize]);
             self.parts.push(part);
         });
     }
@@ -250,12 +257,11 @@ impl<'a> Gathering<'a> {
         parts: &[Part],
         mut full: impl FnMut(u32),
     ) {
-        let Gathering { row, last, .. } = self;
-        let slots = last.len();
+        let Gathering { row, latest, .. } = self;
+        let slots = latest.len();
         let place = |part: &Part| column(part.path) as usize * slots + part.slot as usize;
         parts.iter().take(FETCHED).for_each(|part| prefetch(&row[place(part)]));
-        // Where the number of a sample comes again after 2^32 others, a part may be taken for one that comes twice, and finds
-        // no other.
+        // Where the number of a sample comes again after 2^32 others, a part may be taken for one that comes twice.
         let first = self.samples.wrapping_add(1);
         for (i, part) in parts.iter().enumerate() {
             if FETCHED > 0
@@ -265,11 +271,15 @@ impl<'a> Gathering<'a> {
             }
             let slot = &mut row[place(part)];
             slot.add(part.value);
-            let number = first.wrapping_add(part.path);
-            let again = replace(&mut last[part.slot as usize], number) == number;
-            let room = match again {
-                false => slot.add_square(part.value),
-                true => slot.add_to_square(before(&parts[..i], part), part.value),
+            let latest = &mut latest[part.slot as usize];
+            let sample = first.wrapping_add(part.path);
+            let room = if latest.sample == sample {
+                let before = latest.value;
+                latest.value = [0, 1, 2].map(|c| before[c] + part.value[c]);
+                slot.add_to_square(before, latest.value)
+            } else {
+                *latest = Latest { value: part.value, sample };
+                slot.add_square(part.value)
             };
             if !room {
                 full(part.path);
@@ -277,13 +287,6 @@ impl<'a> Gathering<'a> {
         }
         self.samples = self.samples.wrapping_add(samples);
     }
-}
-
-/// What the same sample has brought to the same slot among these parts, the last of which were its own.
-#[inline(never)]
-fn before(parts: &[Part], part: &Part) -> [f32; 3] {
-    let own = parts.iter().rposition(|p| p.path != part.path).map_or(0, |other| other + 1);
-    parts[own..].iter().filter(|p| p.slot == part.slot).fold([0.0; 3], |sum, p| [0, 1, 2].map(|c| sum[c] + p.value[c]))
 }
 
 #[cfg(test)]
