@@ -302,6 +302,11 @@ impl SplatBuffer {
         SplatBuffer { most, waiting: Vec::new(), sorted: Vec::new(), starts: Vec::new(), locks: 0 }
     }
 
+    /// Whether it is as [`new`](Self::new) makes it for sums of so many pixels.
+    pub fn serves(&self, pixels: usize) -> bool {
+        self.most == SplatBuffer::new(pixels).most
+    }
+
     /// Takes a splat for a pixel, a number below 2^32. Returns whether it can be counted, as [`SplatSums::add`] does.
     #[inline]
     #[must_use]
@@ -499,6 +504,7 @@ mod tests {
     fn buffers_hold_more_where_there_are_many_stripes_and_no_end_of_them() {
         let most = |stripes: usize| SplatBuffer::new(stripes * STRIPE).most;
         assert_eq!([1, 100, 2000, 1 << 20].map(most), [HELD[0], HELD[0], 2000 * BUFFERED, HELD[1]]);
+        assert!(SplatBuffer::new(STRIPE).serves(2 * STRIPE) && !SplatBuffer::new(STRIPE).serves(2000 * STRIPE));
         let mut buffer = SplatBuffer { most: 2, ..SplatBuffer::new(1) };
         let full = [0; 2].map(|_| buffer.push(0, [1.0; 3]) && buffer.is_full());
         assert_eq!(full, [false, true]);

@@ -4,13 +4,15 @@
 //! there. So that no run has that on its clock, and none more than another, bins are written to before the clock starts, and
 //! what a run leaves is the next one's. Of films beyond [`MAX_KEPT_BYTES`] pages come as light reaches them, if it does; where
 //! only the sums of splats go beyond it, that is so for them.
+//!
+//! Buffers of splats stay as well, from wave to wave and from run to run: one for each thread, whatever runs take turns.
 
 use std::mem::take;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::film::splat::SplatSums;
+use crate::film::splat::{SplatBuffer, SplatSums};
 use crate::film::time::{BYTES_PER_SLOT, MAX_KEPT_BYTES, SPLAT_BYTES_PER_SLOT};
 
 /// Slots that a thread clears at a time: 640 KiB.
@@ -18,6 +20,21 @@ const CLEARED: usize = 1 << 14;
 
 /// What runs have left, the newest last.
 static LEFT: Mutex<Vec<Bins>> = Mutex::new(Vec::new());
+
+/// Buffers of splats that no thread fills, all empty.
+static IDLE: Mutex<Vec<SplatBuffer>> = Mutex::new(Vec::new());
+
+/// A buffer for sums of so many pixels. If those that lie idle are for others, they are kept no longer.
+pub(super) fn buffer(pixels: usize) -> SplatBuffer {
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    idle.retain(|buffer| buffer.serves(pixels));
+    idle.pop().unwrap_or_else(|| SplatBuffer::new(pixels))
+}
+
+/// Leaves empty buffers to later waves.
+pub(super) fn leave(buffers: Vec<SplatBuffer>) {
+    IDLE.lock().unwrap_or_else(PoisonError::into_inner).extend(buffers);
+}
 
 /// What lands in a slot of a pixel, side by side: the two are needed together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -48,7 +48,7 @@ pub struct Parts {
     found: Vec<Part>,
     /// Path by path, those of each in the order in which they were found.
     sorted: Vec<Part>,
-    /// Where those of each path end.
+    /// While they are sorted, where the next of each path goes.
     ends: Vec<u32>,
 }
 

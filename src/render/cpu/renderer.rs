@@ -2,7 +2,6 @@
 
 use std::cell::Cell;
 use std::io::{self, Write};
-use std::mem::take;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
@@ -10,6 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::accel::Accel;
+use super::bins;
 use super::lanes::Isa;
 use super::layers::{LayerSums, Sums, Tally};
 use super::row::{RowStats, RowSums, Splats};
@@ -40,12 +40,10 @@ pub struct CpuRenderer {
     lights: Lights,
     job: Job,
     pool: rayon::ThreadPool,
-    /// What samples brought to their own pixels.
+    /// What samples brought to their own pixels; without sums where there is a time axis, whose slots have them.
     own: Film,
     /// What they brought elsewhere; there from the first splat on.
     splats: OnceLock<SplatSums>,
-    /// On their way there; empty between waves, and kept for their memory.
-    buffers: Vec<SplatBuffer>,
     /// Both together, where there are splats.
     joint: Option<Film>,
     /// The layers, where the job asks for any.
@@ -102,7 +100,6 @@ impl CpuRenderer {
             lights: Lights::with_select(&scene, Select::of(&job.params)),
             own: Film::new(job.resolution[0], job.resolution[1]),
             splats: OnceLock::new(),
-            buffers: Vec::new(),
             joint: None,
             layers,
             streams,
@@ -245,11 +242,10 @@ impl Renderer for CpuRenderer {
         self.timed = OnceLock::new();
         let first = self.job.first_sample + self.own.samples;
         let [width, height] = [self.own.width, self.own.height];
-        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, buffers, layers, times, pool, .. } =
-            self;
+        let CpuRenderer { scene, accel, camera, lights, job, own: film, splats, layers, times, pool, .. } = self;
         let settings = Settings::new(&job.params);
         // Rows hand their buffers on, so that few are needed and they are mostly full when they are emptied.
-        let buffers = Mutex::new(take(buffers));
+        let buffers: Mutex<Vec<SplatBuffer>> = Mutex::default();
         let idle = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
         let (time_rows, landing) = TimeSums::rows(times, height);
         let splats = Splats { resolution: [width, height], plain: splats, landing };
@@ -300,8 +296,9 @@ impl Renderer for CpuRenderer {
             let mut left = idle();
             left.par_iter_mut().filter(|b| !b.is_empty()).map(|buffer| buffer.flush(splats.sums())).sum()
         });
-        self.buffers = buffers.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let locks: u64 = self.buffers.iter_mut().map(SplatBuffer::take_locks).sum();
+        let mut buffers = buffers.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let locks: u64 = buffers.iter_mut().map(SplatBuffer::take_locks).sum();
+        bins::leave(buffers);
         self.shared_writes += 3 * u64::from(height) + locks;
         film.samples += samples;
         let paths = samples * film.sum.len() as u64;

@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
+use super::bins;
 use super::brought::{Named, Parts};
 use super::times::{Gathering, Landing};
 use crate::film::splat::{SplatBuffer, SplatSums};
@@ -55,7 +56,7 @@ impl<'a> Splats<'a> {
 
     /// A buffer for them.
     pub fn buffer(&self) -> SplatBuffer {
-        SplatBuffer::new(self.landing.map_or(self.size(), |landing| landing.size()))
+        bins::buffer(self.landing.map_or(self.size(), |landing| landing.size()))
     }
 
     /// How many pixels the picture has.
@@ -119,19 +120,18 @@ impl<'a> RowSums<'a> {
         taken.then_some(place)
     }
 
-    /// Adds what a sample has brought to its own pixel to the picture's sums, if that is a number; whether it is.
+    /// Adds what a sample has brought to its own pixel to the picture's sums, of which a time axis leaves only squares, if that
+    /// is a number; whether it is.
     #[inline]
     pub fn add(&mut self, x: u32, value: Vec3) -> bool {
         let finite = value.is_finite();
         if finite {
-            for c in 0..3 {
-                let v = f64::from(value[c]);
-                // With a time axis the picture is the sum of its slots.
-                if self.by_time.is_none() {
-                    self.sum[x as usize][c] += v;
-                }
-                self.sum2[x as usize][c] += v * v;
+            let value = value.as_dvec3().to_array();
+            // With a time axis the picture is the sum of its slots.
+            if self.by_time.is_none() {
+                (0..3).for_each(|c| self.sum[x as usize][c] += value[c]);
             }
+            (0..3).for_each(|c| self.sum2[x as usize][c] += value[c] * value[c]);
         }
         finite
     }
